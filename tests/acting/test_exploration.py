@@ -39,3 +39,13 @@ def test_the_control_period_decides_how_fast_it_changes() -> None:
     quick, slow = series(noise(0.1), 0), series(noise(1.0), 0)
     np.testing.assert_array_equal(quick[0], slow[0])  # where it starts
     assert not np.array_equal(quick[1], slow[1])
+
+
+def test_at_times_a_random_action_is_held_instead() -> None:
+    made = ExplorationNoise(ExplorationConfig(sigma=0.0, held=0.3), 0.1, 3, actions=2)
+    own = np.full(2, 0.5, np.float32)
+    acted = np.array([[made.explore(own, episode) for _ in range(100)] for episode in range(50)])
+    held = (acted != own).any(-1)
+    assert 0.15 < held.mean() < 0.35
+    same = (acted[:, 1:] == acted[:, :-1]).all(-1) & held[:, 1:]
+    assert 0.5 < same.sum() / held.sum() < 0.8  # held for 3 steps on average

@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
-from helpers.worlds import random_trajectory
+from helpers.worlds import dpg, random_trajectory
 from pa_ros.core.update import HAND_INDEX
 from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.config import HindsightConfig
 from pa_ros.learning.hindsight import Hindsight, Transitions
+from pa_ros.learning.learner import Learner
 from pa_ros.learning.replay_buffer.buffer import ReplayBuffer
+from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Scoring, Trajectory
 from pa_ros.world.poses import in_base, in_hand
 from pa_ros.world.programs import ProgramTable, crisp_roles
@@ -105,3 +107,17 @@ def test_without_hindsight_scenes_stay_and_all_rows_are_drawn(replay: ReplayBuff
     drawn = hindsight(moved=0, future=0).draw(np.random.default_rng(1), replay, 300)
     np.testing.assert_array_equal(drawn.objects, replay.arrays["objects"][drawn.index])
     assert len(set(drawn.index // (STEPS + 1))) == 8
+
+
+@pytest.mark.parametrize("engine", ["fused", "torch"])
+def test_a_learner_learns_by_hindsight(engine: str) -> None:
+    network = NetworkConfig(world=PUSH, hidden=6, attention=4, upper_layers=1)
+    settings = dpg(replay__warmup_frames=0, replay__batch_size=4, relabeling__rule="all-goals",
+                   relabeling__property_dropout=0.5, engine__name=engine)  # fmt: skip
+    learner, rng = Learner(network, settings, PROGRAMS, seed=0), np.random.default_rng(0)
+    for sequence in range(3):
+        assert learner.consume(pushed(rng, sequence, moves=sequence == 1))
+    assert learner.counters.updates == 3 * STEPS
+    restored = ReplayBuffer(settings.replay.capacity_frames, PUSH)
+    restored.restore(learner.replay.filled(), learner.replay.to_metadata())
+    np.testing.assert_array_equal(restored.moved_rows, learner.replay.moved_rows)

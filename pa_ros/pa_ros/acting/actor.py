@@ -7,8 +7,6 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from pa_ros.acting.errors import ActingError
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.core.errors import ConfigError
@@ -142,8 +140,7 @@ class Actor:
         """The action with this episode's exploration noise, clipped to [-1, 1], [J]."""
         if self._noise is None:
             raise ActingError("policy: expected exploration noise, got a greedy actor")
-        noisy = self.act(observation, program) + self._noise.sample(observation.episode)
-        return np.clip(noisy, -1.0, 1.0).astype(np.float32)
+        return self._noise.explore(self.act(observation, program), observation.episode)
 
 
 def _why_torch(network: NetworkConfig, inference: str) -> str:

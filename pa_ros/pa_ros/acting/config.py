@@ -12,10 +12,15 @@ from pa_ros.core.settings import Settings
 
 
 class ExplorationConfig(Settings):
-    """Exploration noise: an Ornstein–Uhlenbeck process (paper, appendix)."""
+    """Exploration noise: an Ornstein–Uhlenbeck process (paper, appendix); at times a random action
+    instead, which is held for a while."""
 
     sigma: float = Field(0.3, ge=0, description="σ, a share of full speed (paper)")
+    held: float = Field(
+        0.0, ge=0, le=1, description="about this share of time, a uniform action is held instead"
+    )
     damping: ClassVar[float] = 1.0  # θ, per second (paper)
+    held_steps: ClassVar[int] = 3  # for which such an action is held on average
 
 
 class Schedule(Settings):

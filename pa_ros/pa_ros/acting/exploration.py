@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from pa_ros.acting.config import ExplorationConfig
-from pa_ros.core.experience import Float64
+from pa_ros.core.experience import Float32, Float64
 
 NOISE_STREAM = 1  # of default_rng([seed, stream, episode])
 
@@ -25,6 +25,7 @@ class ExplorationNoise:
     ) -> None:
         """`actions`: elements of an action, J."""
         self._sigma, self._seed, self._actions = config.sigma, seed, actions
+        self._held_steps, self._begins_to_hold = config.held_steps, config.held / config.held_steps
         self._decay = math.exp(-config.damping * control_period_s)
         self._scale = config.sigma * math.sqrt(1 - self._decay**2)
         self._begin(episode=0)
@@ -33,6 +34,19 @@ class ExplorationNoise:
         self._episode = episode
         self._rng = np.random.default_rng([self._seed, NOISE_STREAM, episode])
         self._x = self._sigma * self._rng.standard_normal(self._actions)
+        self._held, self._left = self._x, 0  # a uniform action, and for how many steps it is held
+
+    def explore(self, action: Float32, episode: int) -> Float32:
+        """What to do instead of an action at the episode's next control step, in [-1, 1]: [J]."""
+        noisy = action + self.sample(episode)
+        if self._left == 0 and self._begins_to_hold:
+            if self._rng.random() < self._begins_to_hold:
+                self._left = int(self._rng.integers(1, 2 * self._held_steps))
+                self._held = self._rng.uniform(-1.0, 1.0, self._actions)
+        if self._left:
+            self._left -= 1
+            noisy = self._held
+        return np.clip(noisy, -1.0, 1.0).astype(np.float32)
 
     def sample(self, episode: int) -> Float64:
         """Return x at the episode's next control step, [J], and let the step pass."""

@@ -122,12 +122,12 @@ def _train(options: argparse.Namespace, seeds: Sequence[int]) -> int:
 def _experiment(options: argparse.Namespace, name: str) -> Experiment:
     """The experiment with the settings that were given."""
     from pa_ros.evaluation.experiments import EXPERIMENTS, under_protocol
-    from pa_ros.learning.protocols import LearningSettings
+    from pa_ros.learning.protocols import OURS, LearningSettings
 
     changes = learning_given(options, LearningSettings(algorithm=options.algorithm))
     if bool(changes) != bool(options.tag):
         raise ConfigError("--tag: expected together with changed settings of learning")
-    experiment = under_protocol(EXPERIMENTS[name], options.protocol)
+    experiment = under_protocol(EXPERIMENTS[name], options.protocol or OURS)
     experiment = replace(
         experiment,
         preset=options.preset,

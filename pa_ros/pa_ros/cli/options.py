@@ -34,7 +34,8 @@ def add_learning(parser: argparse.ArgumentParser, *, with_network: bool = True) 
     from pa_ros.learning.algorithms import ALGORITHMS
     from pa_ros.learning.protocols import LearningSettings
 
-    add_settings(parser, LearningSettings, "protocol", "algorithm")
+    add_setting(parser, LearningSettings, "protocol", otherwise="ours; push for designs that push")
+    add_settings(parser, LearningSettings, "algorithm")
     if with_network:
         leaf = LearningSettings.leaf("network.family")
         parser.add_argument(
@@ -68,11 +69,17 @@ def learning_given(options: argparse.Namespace, learning: LearningSettings) -> d
     return {path: leaves[path].read(text) for path, text in given.items()}
 
 
-def learning_from(options: argparse.Namespace, **values: Any) -> LearningSettings:
-    """How to learn, by the options of `add_learning`; `values` are others by dotted name."""
-    from pa_ros.learning.protocols import LearningSettings
+def learning_from(
+    options: argparse.Namespace, moves_objects: bool, **values: Any
+) -> LearningSettings:
+    """How to learn, by the options of `add_learning`; `values` are others by dotted name.
 
-    names = {"protocol": options.protocol, "algorithm": options.algorithm}
+    `moves_objects` says whether programs do: then the usual protocol is another.
+    """
+    from pa_ros.learning.protocols import LearningSettings, usual_protocol
+
+    protocol = options.protocol or usual_protocol(moves_objects)
+    names = {"protocol": protocol, "algorithm": options.algorithm}
     given = learning_given(options, LearningSettings(**names))
     return LearningSettings(**names, **values, **given)
 

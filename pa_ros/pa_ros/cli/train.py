@@ -38,7 +38,8 @@ EXIT_UNRECORDED = 1  # the disk was full; the run itself is whole
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros train`."""
-    add_settings(parser, ArenaChoice, "design", "relations", "arm", "preset", "reward")
+    add_settings(parser, ArenaChoice, "design", "relations", "arm", "reward")
+    add_setting(parser, ArenaChoice, "preset", otherwise="fast; push for designs that push")
     add_setting(parser, TrainConfig, "seed", otherwise="0; with --from-bag, the recorded one")
     add_settings(parser, TrainConfig, "frames", "out")
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in OUT")
@@ -68,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError("--namespace: expected --from-bag with it")
     chosen = settings_from(options, ArenaChoice)
     design, arena = chosen.design_of(), chosen.arena_config()
-    learning = learning_from(options)
+    learning = learning_from(options, design.vocabulary.moves_objects)
     names = {"design": design.name, "preset": arena.preset, "arm": arena.arm}
     config = settings_from(options, TrainConfig, environment=names)
     programs, seed = training_programs(design), config.seed

@@ -63,8 +63,9 @@ class Hindsight:
         for program in programs:
             self._table.add(program)
         self._world, self._scoring, self._config = world, scoring, config
-        self._kinds = Kinds(world)
-        self._sets = self._kinds.sets(self._table)  # [P, 2, kinds]
+        kinds = Kinds(world)
+        self._sets = kinds.sets(self._table)  # [P, 2, kinds]
+        self._body = world.schema.bodies(kinds.features)  # [kinds]
         self._relations = self._table.relations()
         self._hand_moves = np.array([p.moves_hand for p in self._table.programs])
 
@@ -73,7 +74,8 @@ class Hindsight:
         keeps its own program and reward."""
         index, block = self._rows(rng, replay, size)
         drawn = Transitions(replay, index)
-        sets = self._sets_of(drawn.objects)  # [B, P, 2, N]
+        kinds = replay.arrays["kind"][index]  # [B, N]
+        sets = self._sets_of(kinds)  # [B, P, 2, N]
         fits = sets.any(-1).all(-1)  # [B, P]
         about = np.take_along_axis(sets, block[:, None, None, None], -1)[..., 0].any(-1)
         wanted = fits & (about | (block == HAND_INDEX)[:, None])
@@ -81,7 +83,7 @@ class Hindsight:
         keys = np.where(wanted, rng.random(wanted.shape), -1.0)
         program = keys.argmax(-1).astype(np.int32)
         chosen = sets[np.arange(size), program]  # [B, 2, N]
-        self._move_places(rng, replay, drawn, chosen)
+        self._move_places(rng, replay, drawn, chosen, self._body[kinds])
         known = fits.any(-1)
         reward = self._reward(drawn, program, chosen)
         drawn.program = np.where(known, program, drawn.program)
@@ -102,23 +104,27 @@ class Hindsight:
             block[about_moved] = (which * rng.random(which.shape)).argmax(-1)
         return index, block
 
-    def _sets_of(self, objects: Float32) -> Bools:
-        """The two sets of every program in every scene, [B, P, 2, N]."""
-        sets = self._sets[..., self._kinds.of(objects)]  # [P, 2, B, N]
+    def _sets_of(self, kinds: NDArray[np.int16]) -> Bools:
+        """The two sets of every program in every scene, [B, P, 2, N], of its kinds [B, N]."""
+        sets = self._sets[..., kinds]  # [P, 2, B, N]
         sets[..., HAND_INDEX] = False
         sets[self._hand_moves, 0] = False
         sets[self._hand_moves, 0, :, HAND_INDEX] = True
         return sets.transpose(2, 0, 1, 3)
 
     def _move_places(
-        self, rng: np.random.Generator, replay: ReplayBuffer, drawn: Transitions, sets: Bools
+        self,
+        rng: np.random.Generator,
+        replay: ReplayBuffer,
+        drawn: Transitions,
+        sets: Bools,
+        bodies: Bools,
     ) -> None:
         """Move the place that a program names to where what it moves later was, or another block.
 
-        `sets` are the program's, [B, 2, N].
+        `sets` are the program's, [B, 2, N]; `bodies` [B, N] says what has a body.
         """
         config, every = self._config, np.arange(len(sets))
-        bodies = self._world.schema.bodies(drawn.objects)  # [B, N]
         places = sets[:, 1] & ~bodies
         rows = np.flatnonzero(places.any(-1) & (rng.random(len(sets)) < config.future))
         if not len(rows):
@@ -145,12 +151,19 @@ class Hindsight:
         """Rewards [B] by the verifier's rule, of programs with their sets [B, 2, N]."""
         reward = np.zeros(len(program), np.float32)
         hand_moves, relation = self._hand_moves[program], self._relations[program]
+        pairs, objects, hands = sets.argmax(-1), drawn.next_objects, drawn.next_hand
+        named = np.array([[False, True]])  # of the two objects of a pair
+        single = (sets.sum(-1) == 1).all(-1)
         for row, name in enumerate(self._world.relations):
             for of_hand in (True, False):
-                rows = np.flatnonzero((relation == row) & (hand_moves == of_hand))
+                asked = (relation == row) & (hand_moves == of_hand)
+                rows = np.flatnonzero(asked & single)  # these score two objects, not all
+                two = objects[rows[:, None], pairs[rows]]
+                moved = None if of_hand else ~named
+                reward[rows] = self._scoring(named, two, name, hands[rows], moved).reward
+                rows = np.flatnonzero(asked & ~single)
                 moved = None if of_hand else sets[rows, 0]
-                objects, hand = drawn.next_objects[rows], drawn.next_hand[rows]
-                score = self._scoring(sets[rows, 1], objects, name, hand, moved)
+                score = self._scoring(sets[rows, 1], objects[rows], name, hands[rows], moved)
                 reward[rows] = score.reward
         return reward
 

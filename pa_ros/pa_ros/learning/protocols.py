@@ -13,6 +13,7 @@ from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkSettings
 
 OURS, DPG = "ours", "dpg"  # the defaults
+PUSH = "push"  # the default where programs move objects
 Values = Mapping[str, Any]  # by dotted path, "learner.PART.NAME" or "network.NAME"
 
 # As in the appendix. Of what it leaves open, the initial weights matter most: a critic that starts
@@ -44,7 +45,29 @@ _OURS: Values = {
     "network.self_weight": 0.03,
 }
 
-PROTOCOLS: Mapping[str, Values] = {"paper": _PAPER, OURS: _OURS}
+# For programs that move objects. What differs from ours: a layer more, larger steps, a longer
+# horizon, and less noise that lasts less long.
+_PUSH: Values = {
+    **_OURS,
+    "learner.optimizer.actor_rate": 2e-4,
+    "learner.optimizer.critic_rate": 6e-4,
+    "learner.updates.discount": 0.97,
+    "learner.exploration.sigma": 0.2,
+    "learner.exploration.held": 0.2,
+    "learner.detectors.sparsity": 0.1,
+    "learner.relabeling.property_dropout": 0.0,
+    "network.critic_output_bias": -33.0,
+    "network.upper_layers": 1,
+    "network.hidden": 128,
+    "network.attention": 32,
+}
+
+PROTOCOLS: Mapping[str, Values] = {"paper": _PAPER, OURS: _OURS, PUSH: _PUSH}
+
+
+def usual_protocol(moves_objects: bool) -> str:
+    """The default of a world, by whether its programs move objects."""
+    return PUSH if moves_objects else OURS
 
 
 def _defaults(protocol: str, algorithm: str) -> dict[str, Settings]:
@@ -67,7 +90,9 @@ class LearningSettings(Settings):
     """
 
     protocol: Annotated[str, OneOf(lambda: PROTOCOLS)] = Field(
-        OURS, description="named set of defaults for `learner` and `network`: the paper's, or ours"
+        OURS,
+        description="named set of defaults for `learner` and `network`: the paper's, ours, or ours "
+        "for programs that move objects",
     )
     algorithm: Annotated[str, OneOf(lambda: ALGORITHMS)] = Field(
         DPG, description="learning algorithm"

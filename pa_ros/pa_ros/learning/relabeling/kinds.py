@@ -22,7 +22,8 @@ class Kinds:
                 for k in product(*values.values())]  # fmt: skip
         # The hand is a kind of its own, the last one: it has no properties.
         hand = np.zeros(world.object_features, np.float32)
-        self._truth = world.truth(np.stack([*rows, hand])).T  # [V, kinds + 1]
+        self.features = np.stack([*rows, hand])  # [kinds + 1, F]; the last is the hand's
+        self._truth = world.truth(self.features).T  # [V, kinds + 1]
         self._sizes = [len(names) for names in values.values()]
 
     def of(self, objects: Float32) -> NDArray[np.intp]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pa_ros.core.update import HAND_INDEX
 from pa_ros.learning.errors import LearningError
 from pa_ros.learning.relabeling.all_goals import GoalMasks
+from pa_ros.learning.relabeling.kinds import Kinds
 from pa_ros.learning.replay_buffer.ledger import Ledger
 from pa_ros.world import Trajectory
 from pa_ros.world.poses import POSE_WIDTH, in_base
@@ -48,6 +49,7 @@ class ReplayBuffer:
         self.rows = 0  # filled
         self.head = 0  # next row to be written
         self.arrays: dict[str, NDArray[Any]] = {}
+        self._kinds = Kinds(world)
         self._moved_rows: Int64 | None = None  # until the next insertion
         if n_objects is not None:
             self._allocate(n_objects)
@@ -118,6 +120,7 @@ class ReplayBuffer:
             arrays["goal_reward"][index] = goals.rewards
         if self.world.vocabulary.moves_objects:
             arrays["left"][index] = np.arange(len(trajectory), -1, -1)
+            arrays["kind"][index] = self._kinds.of(arrays["objects"][index])
             arrays["moved"][index] = moved_objects(arrays["objects"][index], trajectory.arm)
             self._moved_rows = None
         self.head = int(last + 1) % self.capacity
@@ -179,6 +182,7 @@ class ReplayBuffer:
         }
         if self.world.vocabulary.moves_objects:
             shapes["left"] = (), np.int32  # transitions from this row to the trajectory's end
+            shapes["kind"] = (n_objects,), np.int16  # see relabeling.kinds
             shapes["moved"] = (n_objects,), np.bool_  # which blocks moved in its trajectory
         if self._goals:
             shapes["goal_reward"] = (self._goals,), np.float32  # of program j, at this row
