@@ -41,8 +41,9 @@ def over_the_graph(
     return learned_over_the_graph(folder, given, version, compose)[0]
 
 
-def in_process(folder: Path, version: int) -> dict[str, np.ndarray]:
-    design, arena = design_named("2-L"), preset_named("fast")
+def in_process(folder: Path, version: int, name: str) -> dict[str, np.ndarray]:
+    design = design_named(name)
+    arena = preset_named(design.preset)
     learning = LearningSettings().changed(**OPTIONS)
     learner = train(
         TrainConfig(out=folder, seed=SEED, frames=version * 100, evaluate_every_frames=0),
@@ -56,18 +57,18 @@ def in_process(folder: Path, version: int) -> dict[str, np.ndarray]:
     return next(one.tensors for one in learner.published if one.version == version)
 
 
-def assert_same_as_the_loop(there: PolicySnapshot, folder: Path) -> None:
-    here = in_process(folder, there.version)
+def assert_same_as_the_loop(there: PolicySnapshot, folder: Path, design: str = "2-L") -> None:
+    here = in_process(folder, there.version, design)
     assert list(there.tensors) == list(here)
     for name, tensor in here.items():
         assert np.array_equal(there.tensors[name], tensor), name
 
 
-@pytest.mark.parametrize("compose", [False, True])
-def test_the_graph_and_the_loop_learn_the_same_bits(tmp_path, compose):
-    given = parameters(sim_node={"eval_every_episodes": 1})
+@pytest.mark.parametrize(("compose", "design"), [(False, "push-2"), (True, "2-L")])
+def test_the_graph_and_the_loop_learn_the_same_bits(tmp_path, compose, design):
+    given = parameters(sim_node={"eval_every_episodes": 1, "design": design})
     there = over_the_graph(tmp_path / "graph", EPISODES, given, compose)
-    assert_same_as_the_loop(there, tmp_path / "loop")
+    assert_same_as_the_loop(there, tmp_path / "loop", design)
 
 
 def test_a_resumed_graph_learns_the_same_bits_as_the_loop(tmp_path):
