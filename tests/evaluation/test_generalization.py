@@ -111,6 +111,13 @@ def test_summary_of_two_seeds():
     assert summary.success_rate == 0.5
 
 
+def test_who_pushes_without_reading_the_program_rarely_succeeds():
+    task = ReachTask(preset_named("push"), design_named("push-2"), seed=5)
+    for name in BLIND:
+        scores = list(run_episodes(task, blind_policy(task, name), "eval", 12))
+        assert np.mean([score.success for score in scores]) <= 0.5
+
+
 @pytest.mark.parametrize("preset", ["fast", "paper"])
 def test_blind_references_reach_blocks_whatever_the_program(preset: str):
     task = ReachTask(preset_named(preset), design_named("3-D"), seed=5)

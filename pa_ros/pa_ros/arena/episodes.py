@@ -72,7 +72,8 @@ def generate(
 # Episodes in which blocks are to be moved. Lengths in m.
 
 MOVE_M = (0.12, 0.40)  # from the block to the place that it is to be moved to
-MOVE_TO_BLOCK_M = 0.45  # greatest distance to the block that it is to be moved to
+MOVE_TO_BLOCK_M = (0.20, 0.45)  # to another block
+PAIRS = 4  # least number of pairs of objects that are so far apart
 NEAR_HAND_M = (0.11, 0.22)  # from the moved block to the hand, if it starts beside it
 NEAR_HAND_HEIGHTS_M = (0.085, 0.15)
 HAND_GAP_M = 0.10  # between the hand and every block
@@ -137,23 +138,38 @@ def _layout(
     rng: np.random.Generator,
 ) -> tuple[list[Spot], list[Spot]]:
     """Spots of blocks and places. The moved block is the first one; its target is the first place,
-    or the second block, which is then the one nearest to it."""
+    or the second block.
+
+    The spots are drawn without the program, and several pairs of them fit it, of which it takes
+    any. So the scene says little about which objects the program names.
+    """
+    low, high = MOVE_M if to_place else MOVE_TO_BLOCK_M
     for _ in range(PLACEMENT_TRIES):
-        spots = _places(config, blocks, rng)
-        first = spots[0]
-        if moves_block and not to_place:
-            spots[1:] = sorted(spots[1:], key=lambda spot: _apart(spot, first))
-            if _apart(spots[1], first) > MOVE_TO_BLOCK_M:
-                continue  # across the table, around the arm
-        chosen: list[Spot] = []
-        for i in range(places):
-            near = MOVE_M if moves_block and to_place and i == 0 else None
-            spot = _near(config, first, near, spots, PLACE_GAP_M, rng, chosen)
+        spots, chosen = _places(config, blocks, rng), list[Spot]()
+        while len(chosen) < places:
+            spot = _near(config, spots[0], None, spots, PLACE_GAP_M, rng, chosen)
             if spot is None:
                 break
             chosen.append(spot)
-        if len(chosen) == places:
+        if len(chosen) < places:
+            continue
+        if not moves_block:
             return spots, chosen
+        goals = chosen if to_place else spots
+        pairs = [
+            (i, j)
+            for i, spot in enumerate(spots)
+            for j, goal in enumerate(goals)
+            if low <= _apart(spot, goal) <= high
+        ]
+        if len(pairs) < min(PAIRS, blocks * len(goals) // 2):
+            continue
+        i, j = pairs[int(rng.integers(len(pairs)))]
+        first, second = spots[i], goals[j]
+        rest = [spot for spot in spots if spot not in (first, second)]
+        if to_place:
+            return [first, *rest], [second, *(spot for spot in chosen if spot != second)]
+        return [first, second, *rest], chosen
     raise ArenaError(
         f"{blocks} blocks and {places} places don't fit on the table", code="arena.episode"
     )

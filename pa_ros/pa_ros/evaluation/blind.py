@@ -11,12 +11,16 @@ from itertools import chain, combinations
 import numpy as np
 
 from pa_ros.arena import ARMS, ReachTask
-from pa_ros.arena.references import pursue
+from pa_ros.arena.references import pursue, push
 from pa_ros.core.experience import Float64, Observation
 from pa_ros.world.relation import RELATIONS
 
 BLIND = ("nearest", "any", "most")
-"""Go to the block nearest to the hand; to a random one; to the place near most blocks."""
+"""Go to the block nearest to the hand; to a random one; to the place near most blocks.
+
+Where a block is to be moved: a block to a place, the nearest two; a random block to another object;
+the block nearest to the hand, to the place nearest to it.
+"""
 
 BLIND_STREAM = 5  # of random numbers, beside those of docs/DESIGN.md
 MARGIN = 0.95  # of the horizontal reach: the hand does not stop exactly where it should
@@ -25,15 +29,39 @@ MARGIN = 0.95  # of the horizontal reach: the hand does not stop exactly where i
 def blind_policy(task: ReachTask, name: str) -> Callable[[Observation], Float64]:
     """One of BLIND as joint velocities in rad/s [J]. It chooses at the start of an episode."""
     choose = {"nearest": _nearest, "any": _any, "most": _most}[name]
-    goal = np.zeros(3)
+    goal, pair = np.zeros(3), (0, 0)
 
     def act(observation: Observation) -> Float64:
-        nonlocal goal
+        nonlocal goal, pair
+        if not task.program.moves_hand:
+            pair = _pair(task, name) if observation.step == 0 else pair
+            return push(task, *pair)
         if observation.step == 0:
             goal = choose(task)
         return pursue(task, goal)
 
     return act
+
+
+def _pair(task: ReachTask, name: str) -> tuple[int, int]:
+    """A block to move, and the object to move it to."""
+    positions, schema = task.simulation.positions, task.design.schema
+    bodies = [schema.has_body(block.kind) for block in task.episode.blocks]
+    blocks = [i for i, solid in enumerate(bodies, start=1) if solid]
+    places = [i for i, solid in enumerate(bodies, start=1) if not solid]
+    if name == "any":
+        rng = np.random.default_rng([task.seed, BLIND_STREAM, task.episode.index])
+        moved = blocks[int(rng.integers(len(blocks)))]
+        others = [i for i in (*blocks, *places) if i != moved]
+        return moved, others[int(rng.integers(len(others)))]
+
+    def apart(i: int, j: int) -> float:
+        return float(np.linalg.norm(positions[i] - positions[j]))
+
+    if name == "most":
+        blocks = [min(blocks, key=lambda i: apart(0, i))]
+    pairs = [(i, j) for i in blocks for j in places or [k for k in blocks if k != i]]
+    return min(pairs, key=lambda pair: apart(*pair))
 
 
 def _nearest(task: ReachTask) -> Float64:
