@@ -19,6 +19,7 @@ from pa_ros.core.experience import Float32, Float64
 from pa_ros.language import parse
 from pa_ros.language.errors import ProgramError
 from pa_ros.wire.arena import ArenaDescription
+from pa_ros.world.relation import measured
 
 
 class Stage:
@@ -100,7 +101,7 @@ def _caption(row: Row) -> tuple[str, str]:
     if np.isfinite(row.reward):
         parts.append(f"reward {row.reward:+.2f}")
     if np.isfinite(row.distance):
-        parts.append(f"distance {row.distance:.2f} m")
+        parts.append(f"distance {measured(row.program, row.distance)}")
     return row.program or "no program", "   ".join(parts)
 
 

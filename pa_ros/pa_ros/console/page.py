@@ -71,13 +71,17 @@ class _Curves:
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._points: deque[tuple[float, ...]] = deque(maxlen=KEPT)
-        with server.gui.add_folder("Learning", order=ORDER["Learning"], expand_by_default=False):
+        self._folder = server.gui.add_folder(
+            "Learning", order=ORDER["Learning"], expand_by_default=False, visible=False
+        )
+        with self._folder:
             self._plots = [self._plot(server, title, curves) for title, curves in CURVES.items()]
 
     def add(self, at_s: float, value: Callable[[str, str], float | None]) -> None:
         reported = [value(node, key) for pair in CURVES.values() for _, node, key in pair]
         if all(found is None for found in reported):
             return
+        self._folder.visible = True
         self._points.append((at_s, *(np.nan if v is None else v for v in reported)))
         columns = np.array(self._points, dtype=np.float64).T
         for i, plot in enumerate(self._plots):
