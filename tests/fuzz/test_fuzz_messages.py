@@ -17,7 +17,7 @@ from msgs_schema.srv import Reset, SetSpeed
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Executed, TrajectoryKey
+from pa_ros.core.experience import CommandKey, Executed, TrajectoryKey
 from pa_ros.language import parse
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.learner import Learner
@@ -63,7 +63,7 @@ from pa_ros.world.world import World
 
 MESSAGES = 100_000  # of all kinds together
 STEP, COMMAND = sample_step()
-EXECUTED = Executed(COMMAND.key, COMMAND.action)
+EXECUTED = Executed(CommandKey("agent", 1, 2), COMMAND.action)
 FEATURES = encode_step(replace(STEP, executed=EXECUTED, program="NEAR(HAND, RED)"))
 SETTINGS = DPGConfig().changed(
     **{"replay.capacity_frames": 500, "replay.batch_size": 4, "replay.warmup_frames": 5}

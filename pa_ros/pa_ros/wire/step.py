@@ -52,11 +52,6 @@ class Command:
     incarnation: int = 0  # of the agent
     number: int = 0  # of the command, among the agent's
 
-    @property
-    def key(self) -> CommandKey:
-        """The command's name."""
-        return CommandKey(self.agent_id, self.incarnation, self.number)
-
 
 NO_COMMAND = Executed(CommandKey("", 0, 0), np.empty(0, np.float32))
 NOT_JUDGED = Verdict(0.0, False, math.inf, False)
@@ -100,20 +95,24 @@ def decode_step(
     if width not in (None, received) and not rest:
         name, expected = "object_features.features", f"{width} of each of {count} objects"
         raise WireError(name, expected, received, code="wire.feature_names")
-    objects = (count, width or received)
-    position, velocity = message.joint_position, message.joint_velocity
-    arm = (len(position) if joints is None else joints,)
+    shape, arm = (count, width or received), (joints or len(message.joint_position),)
+    objects = read_array("object_features.features", message.features, np.float32, shape, LARGEST)
+    position, velocity, pose = message.joint_position, message.joint_velocity, message.hand_pose
     stamp = message.header.stamp
     observation = Observation(
-        message.episode,
-        message.step,
-        stamp.sec * NS + stamp.nanosec,
-        read_array("object_features.features", message.features, np.float32, objects, LARGEST),
-        read_array("object_features.joint_position", position, np.float64, arm, LARGEST),
-        read_array("object_features.joint_velocity", velocity, np.float64, arm, LARGEST),
-        hand_index,
-        message.program_id,
-        read_array("object_features.hand_pose", message.hand_pose, np.float64, (7,), LARGEST),
+        episode=message.episode,
+        step=message.step,
+        stamp_ns=stamp.sec * NS + stamp.nanosec,
+        objects=objects,
+        joint_position=read_array(
+            "object_features.joint_position", position, np.float64, arm, LARGEST
+        ),
+        joint_velocity=read_array(
+            "object_features.joint_velocity", velocity, np.float64, arm, LARGEST
+        ),
+        hand_index=hand_index,
+        program_id=message.program_id,
+        hand_pose=read_array("object_features.hand_pose", pose, np.float64, (7,), LARGEST),
     )
     executed = verdict = None
     if message.commanded_by:
@@ -215,14 +214,14 @@ def decode_command(message: msg.JointCommand, joints: int | None = None) -> Comm
     """
     shape = (len(message.action) if joints is None else joints,)
     return Command(
-        message.episode,
-        message.step,
-        message.stamp.sec * NS + message.stamp.nanosec,
-        message.agent_id,
-        message.policy_version,
-        read_array("joint_commands.action", message.action, np.float32, shape),
-        message.incarnation,
-        message.command_id,
+        episode=message.episode,
+        step=message.step,
+        stamp_ns=message.stamp.sec * NS + message.stamp.nanosec,
+        agent_id=message.agent_id,
+        policy_version=message.policy_version,
+        action=read_array("joint_commands.action", message.action, np.float32, shape),
+        incarnation=message.incarnation,
+        number=message.command_id,
     )
 
 
