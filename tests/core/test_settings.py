@@ -35,8 +35,7 @@ class Whole(Settings):
         ({"part": 3}, "whole.part: expected the settings of this part, got 3"),
         (
             {"qqq": 1},
-            "whole.qqq: unknown setting; known: whole.part.share, whole.part.kind, "
-            "whole.part.pair, whole.name, whole.steps",
+            "whole.qqq: unknown setting",
         ),
         (
             {"part.kidn": 1},

@@ -24,7 +24,4 @@ def test_the_nearest_name_is_suggested() -> None:
     known = ["learner.updates.discount", "learner.updates.per_frame", *map(str, range(9))]
     for name in ("learner.updates.discont", "discount"):
         assert did_you_mean(name, known) == "; did you mean 'learner.updates.discount'?"
-    assert (
-        did_you_mean("zzz", known) == ""
-        and did_you_mean("zzz", ["a", "b"], few=2) == "; known: a, b"
-    )
+    assert did_you_mean("zzz", known) == ""

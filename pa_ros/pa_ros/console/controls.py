@@ -20,7 +20,6 @@ NO_BLOCK = "none"
 HANDLE_M = 0.25  # length of the arrows by which a block is dragged
 SPEEDS = ("0.5", "1", "2", "5")
 NOW = "● "  # before the current speed
-PROMPT = "type a program, or choose an example"
 
 
 class Controls:
@@ -65,7 +64,7 @@ class Controls:
         gui = self._client.gui
         with gui.add_form("Program", order=ORDER["Program"]) as form:
             text = gui.add_text("Text", "", hint="Enter sends it")
-            reading = gui.add_html(markup.quiet(PROMPT))
+            reading = gui.add_html(markup.quiet("no arena is known yet"))
             words = gui.add_button_group("Words", ("AND(",), visible=False)
             send = gui.add_button("Send")
             self._examples = gui.add_dropdown("Examples", ("",), visible=False)

@@ -250,7 +250,7 @@ class Settings(BaseModel):
             return ".".join(filter(None, (where, reason)))
         if found["type"] == "extra_forbidden":
             known = [".".join(filter(None, (cls.SECTION, leaf))) for leaf in leaves]
-            return f"{where}: unknown setting{did_you_mean(where, known, few=6)}"
+            return f"{where}: unknown setting{did_you_mean(where, known)}"
         given, shown = found["input"], repr(found["input"])
         if found["type"] == "missing" and isinstance(found["loc"][-1], str):
             given, shown = None, "nothing"

@@ -54,12 +54,10 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     return next(iter(same or difflib.get_close_matches(name, names, 1, cutoff=0.65)), None)
 
 
-def did_you_mean(name: str, known: Iterable[str], few: int = 0) -> str:
-    """The end of an error about an unknown name: "; did you mean 'x'?", or all if they are few."""
-    names = list(known)
-    if near := nearest(name, names):
-        return f"; did you mean {near!r}?"
-    return f"; known: {', '.join(names)}" if 0 < len(names) <= few else ""
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The end of an error about an unknown name, "; did you mean 'x'?"; empty if none is near."""
+    near = nearest(name, known)
+    return f"; did you mean {near!r}?" if near else ""
 
 
 def write_report(path: Path | None, report: Report) -> None:

@@ -22,7 +22,6 @@ from rich.text import Text
 from pa_ros.core.text import natural, printable, renewable
 from pa_ros.ros.health import LIFECYCLE
 from pa_ros.ros.topics import DIAGNOSTICS
-from pa_ros.wire import Message
 from pa_ros.wire.diagnostics import Health, decode_diagnostics
 
 REFRESH_S = 0.5  # of the table
@@ -99,23 +98,17 @@ class GraphFigures:
         known = sorted(self._health.items())
         return [one for name, (one, _) in known if node in (name, name.rpartition("/")[2])]
 
-    def _known(self) -> Iterator[tuple[Figure, str]]:
-        """The figures that a node reports, written."""
+    def _known(self, place: str = "") -> Iterator[tuple[Figure, str]]:
+        """The figures that a node reports, written; `place` is a namespace with its slashes."""
         for figure in FIGURES:
-            value = self.value(figure.node, figure.key, figure.over_arenas)
+            value = self.value(place + figure.node, figure.key, figure.over_arenas)
             if value is not None:
                 yield figure, figure.form.format(value)
 
     def _arena_text(self, arena: Health) -> str:
         """The figures of one arena and its agent."""
-        agents = [a for a in self._of("agent_node") if _namespace(a.name) == _namespace(arena.name)]
-        parts = []
-        for figure in FIGURES:
-            entries = {"sim_node": [arena], "agent_node": agents}.get(figure.node, [])
-            numbers = [_number(entry, figure.key) for entry in entries[:1]]
-            if numbers and numbers[0] is not None:
-                label = figure.short or figure.label.partition(",")[0]
-                parts.append(f"{label} {figure.form.format(numbers[0])}")
+        known = self._known(arena.name.removesuffix("sim_node"))
+        parts = [f"{one.short or one.label.partition(',')[0]} {text}" for one, text in known]
         return "  ".join(parts) or arena.message
 
     def _refusals(self) -> str:
@@ -160,11 +153,7 @@ def _namespace(node: str) -> str:
 
 def watch_diagnostics(node: Node, figures: GraphFigures) -> None:
     """Fill figures from /diagnostics for as long as the node exists."""
-
-    def receive(message: Message) -> None:
-        figures.take(decode_diagnostics(message))
-
-    DIAGNOSTICS.subscribe(node, receive)
+    DIAGNOSTICS.subscribe(node, lambda message: figures.take(decode_diagnostics(message)))
 
 
 class Display:
