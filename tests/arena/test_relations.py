@@ -63,7 +63,7 @@ def test_an_arena_can_set_the_thresholds() -> None:
         ReachTask(FAST.changed(thresholds=(0.1,)), TWO_L.with_relations("NEAR", "ABOVE"), 0)
 
 
-@pytest.mark.parametrize("relation", RELATIONS)
+@pytest.mark.parametrize("relation", [*RELATIONS])
 def test_pictures_draw_a_line_around_where_a_relation_holds(relation: str) -> None:
     task = ReachTask(FAST, TWO_L.with_relations(relation), seed=0)
     task.reset(0)

@@ -50,7 +50,7 @@ def test_only_one_side_holds_as_seen_from_the_base(name: str) -> None:
     assert measured(name, BLOCK + 0.125 * SIDES[name]) == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize("name", RELATIONS)
+@pytest.mark.parametrize("name", [*RELATIONS])
 @given(angle=st.floats(-pi, pi), radius=st.floats(0.28, 0.58))
 def test_the_relation_holds_where_the_script_goes(name: str, angle: float, radius: float) -> None:
     relation, block = (
@@ -95,7 +95,7 @@ def test_the_outline_of_above_is_at_the_height_of_the_hand() -> None:
 POSES = arrays(np.float64, (4, 3, 7), elements=st.floats(-2, 2))
 
 
-@pytest.mark.parametrize("name", RELATIONS)
+@pytest.mark.parametrize("name", [*RELATIONS])
 @given(objects=POSES, hands=POSES)
 def test_many_states_get_the_same_bits_as_each_alone(
     name: str, objects: Float64, hands: Float64
