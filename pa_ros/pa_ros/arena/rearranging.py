@@ -54,9 +54,11 @@ def rearrange(
     solid = [task.design.schema.has_body(kind) for kind in kinds]
     for i in given:
         placed[i] = _lifted(kinds[i], blocks[i])
-        if solid[i]:
-            others = [body for j, body in enumerate(placed) if solid[j] and j != i]
-            _check_apart(placed[i], others)
+        others = [body for j, body in enumerate(placed) if solid[i] and solid[j] and j != i]
+        gaps = [float(np.linalg.norm(placed[i].position - other.position)) for other in others]
+        if gaps and min(gaps) < APART_M:
+            text = f"expected at least {APART_M} m to every other block, got {min(gaps):.3f} m"
+            raise _scene_error(f"pose: {text}")
     episode = replace(
         task.episode,
         blocks=tuple(_resting(kind, body) for kind, body in zip(kinds, placed, strict=True)),
@@ -79,14 +81,6 @@ def _lifted(kind: Kind, body: Body) -> Body:
     # A block inside the table would be thrown out by the contact force.
     position[2] = max(position[2], look_of(kind).rest_height)
     return replace(body, position=position)
-
-
-def _check_apart(one: Body, others: Sequence[Body]) -> None:
-    gap = min((float(np.linalg.norm(one.position - other.position)) for other in others), default=1)
-    if gap < APART_M:
-        raise _scene_error(
-            f"pose: expected at least {APART_M} m to every other block, got {gap:.3f} m"
-        )
 
 
 def _resting(kind: Kind, body: Body) -> Block:

@@ -87,7 +87,7 @@ def storage_files(folder: Path) -> list[Path]:
     """Return a bag's storage files. Raises BagError if there are none."""
     if not folder.is_dir():
         raise BagError(f"bag: {folder}: expected a folder, found none")
-    found = sorted(path for path in folder.iterdir() if path.suffix in _READERS)
+    found = sorted(path for path in folder.iterdir() if path.suffix in _READERS and path.is_file())
     if not found:
         raise BagError(f"bag: {folder}: expected .mcap or .db3 files in it, found none")
     return found

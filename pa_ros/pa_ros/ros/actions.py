@@ -61,9 +61,7 @@ class _Server(ActionServer):  # type: ignore[misc]
             action[1],
             action[0],
             execute_callback=execute,
-            goal_service_qos_profile=SERVICE,
-            result_service_qos_profile=SERVICE,
-            cancel_service_qos_profile=SERVICE,
+            **{f"{one}_service_qos_profile": SERVICE for one in ("goal", "result", "cancel")},
             result_timeout=RESULT_KEPT_S,
         )
         self.rest()

@@ -8,12 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from lifecycle_msgs.srv import (
-    ChangeState,
-    GetAvailableStates,
-    GetAvailableTransitions,
-    GetState,
-)
+from lifecycle_msgs import srv
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from pa_ros.core.errors import PaError
@@ -29,10 +24,10 @@ from pa_ros.wire.services import decode_transition
 from pa_ros.wire.signing import SIGNED, Checker, Signer, read_key
 
 LIFECYCLE_SERVICES = {
-    "get_state": GetState,
-    "get_available_states": GetAvailableStates,
-    "get_available_transitions": GetAvailableTransitions,
-    "get_transition_graph": GetAvailableTransitions,
+    "get_state": srv.GetState,
+    "get_available_states": srv.GetAvailableStates,
+    "get_available_transitions": srv.GetAvailableTransitions,
+    "get_transition_graph": srv.GetAvailableTransitions,
 }
 HINTS = {
     "unconfigured": "waits to be configured (ros2 lifecycle set {} configure)",
@@ -74,7 +69,7 @@ class ManagedNode(LifecycleNode, ABC):
         for path, kind in LIFECYCLE_SERVICES.items():
             answer = getattr(self, f"_LifecycleNodeMixin__on_{path}")
             self.create_service(kind, f"~/{path}", answer)
-        self.create_service(ChangeState, "~/change_state", self._on_change_state)
+        self.create_service(srv.ChangeState, "~/change_state", self._on_change_state)
         # What exists now belongs to every state: parameter and lifecycle services, diagnostics.
         self._permanent = {id(entity) for _, entity in self._entities()}
         if self.get_parameter("autostart").value is not False:
