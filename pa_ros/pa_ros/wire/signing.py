@@ -15,7 +15,7 @@ import hmac
 import stat
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final
@@ -30,6 +30,7 @@ KEY_BYTES: Final = 32  # least length of a key
 MOST_KEY_BYTES: Final = 4096
 WINDOW: Final = 64  # how many counters a message may arrive late
 _FIELD: Final = "signature"
+Read = Callable[[Any], Any]  # reads a field of a message
 
 
 class SigningError(PaError):
@@ -98,7 +99,9 @@ class Checker:
             text = "expected a signature made with this graph's key, for this topic, got another "
             text += f"from a sender that calls itself {mark.sender[:100]!r}"
             raise SigningError(f"{topic}: {text}", code="auth.forged")
-        received = self._received.setdefault((topic, mark.sender), _Received(mark.incarnation))
+        received = self._received.get((topic, mark.sender))
+        if received is None:
+            received = self._received[topic, mark.sender] = _Received(mark.incarnation)
         if not received.accept(mark.incarnation, mark.counter):
             text = f"expected a new message of {mark.sender!r} (incarnation "
             text += f"{received.incarnation}, counter above {received.highest}), got counter "
@@ -134,31 +137,35 @@ class _Received:
 
 def _mac(key: bytes, topic: str, signed: Any) -> bytes:
     mark, arrays = signed.signature[0], list[bytes]()
-    about = topic, type(signed).__name__, mark.sender, mark.incarnation, mark.counter
+    about = topic, signed.__class__.__name__, mark.sender, mark.incarnation, mark.counter
     # The text contains the arrays' sizes, so that nothing can be shifted from one into another.
     text = repr((about, _values(signed, arrays), [len(one) for one in arrays]))
     return hmac.digest(key, b"".join([text.encode(), *arrays]), "sha256")
 
 
 def _values(message: Any, arrays: list[bytes]) -> tuple[Any, Any]:
-    """Return all fields but the signature; numbers of arrays are appended to `arrays`."""
-    plain, numeric, others = _fields(message.__class__)
-    arrays += [getattr(message, name).tobytes() for name in numeric]
-    return plain(message), [_nested(getattr(message, name), arrays) for name in others]
+    """Return all fields but the signature; the bytes of arrays are appended to `arrays`."""
+    single, numeric, lists = _fields(message.__class__)
+    arrays += [read(message).tobytes() for read in numeric]
+    return single(message), [
+        [one if isinstance(one, str) else _values(one, arrays) for one in read(message)]
+        for read in lists
+    ]
 
 
-def _nested(value: Any, arrays: list[bytes]) -> Any:
-    if isinstance(value, list):
-        return [_nested(one, arrays) for one in value]
-    return value if isinstance(value, str) else _values(value, arrays)
+@cache
+def _fields(kind: Any) -> tuple[Read, list[Read], list[Read]]:
+    """Sort the fields of a type, and of messages in it: single values, arrays of numbers, lists."""
+    single, numeric, lists = list[str](), list[str](), list[str]()
 
+    def sort(message: Any, within: str) -> None:
+        for name in message.get_fields_and_field_types():
+            value, path = getattr(message, name), within + name
+            if hasattr(value, "get_fields_and_field_types"):
+                sort(value, f"{path}.")
+            elif path != _FIELD:
+                numbers = hasattr(value, "tobytes")
+                (numeric if numbers else lists if isinstance(value, list) else single).append(path)
 
-@lru_cache
-def _fields(kind: Any) -> tuple[Callable[[Any], Any], list[str], list[str]]:
-    """Sort the fields of a type: single values, arrays of numbers, messages and lists."""
-    example = kind()
-    names = [name for name in example.get_fields_and_field_types() if name != _FIELD]
-    numeric = [name for name in names if hasattr(getattr(example, name), "tobytes")]
-    plain = [name for name in names if isinstance(getattr(example, name), (bool, int, float, str))]
-    others = [name for name in names if name not in numeric and name not in plain]
-    return attrgetter(*plain), numeric, others
+    sort(kind(), "")
+    return attrgetter(*single), list(map(attrgetter, numeric)), list(map(attrgetter, lists))
