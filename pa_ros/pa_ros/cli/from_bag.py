@@ -109,6 +109,7 @@ def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dic
 def _check_world(path: Path, bag: Experience, learner: Learner) -> None:
     """Raise ConfigError if the bag's first trajectory is from another world."""
     try:
+        # Decoding one trajectory shows whether the worlds differ; nothing is learned from it here.
         next(bag.used(learner.network.world), None)
     except WireError as error:
         if error.code != "wire.world":

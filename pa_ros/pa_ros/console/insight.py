@@ -116,6 +116,7 @@ class Insight:
         p = relevance(program, phi.tolist(), row, hand, self._logic, bodiless)
         values = {word: phi[row[word]].astype(np.float64) for word in program.words}
         values[HAND.name] = (np.arange(phi.shape[1]) == hand).astype(np.float64)
+        # Nobody needs an explanation of the hand, so the tree is that of the target alone.
         sets = [program.target] if program.moves_hand else [program.moved, program.target]
         tree = tuple(node for one in sets for node in _nodes(one, values.__getitem__, self._logic))
         return Explanation(self._version, words, phi, np.array(p), tree)

@@ -56,6 +56,7 @@ class Sampler:
 def _waiting(reader: Any, depth: int) -> Iterator[Message]:
     """Yield the messages waiting at a subscription, as an executor would take them."""
     for _ in range(depth):
+        # No executor serves this subscription, so this takes from the queue of DDS itself.
         with reader.handle:
             found = reader.handle.take_message(reader.msg_type, False)
         if found is None:

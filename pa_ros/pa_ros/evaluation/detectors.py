@@ -79,6 +79,7 @@ class DetectorView:
     def show(self, look: DetectorLook) -> ReachTask:
         """The arena at the step of a look, for a picture; valid until the next call."""
         act, task = self._agent.policy, self._task
+        # The same actions from the same start lead to the same step: pictures need not be kept.
         observation, _ = task.reset_to(look.episode)
         while observation.step < look.step:
             observation, _ = task.step(act(observation, task.program))

@@ -79,7 +79,9 @@ class Hindsight:
         fits = sets.any(-1).all(-1)  # [B, P]
         about = np.take_along_axis(sets, block[:, None, None, None], -1)[..., 0].any(-1)
         wanted = fits & (about | (block == HAND_INDEX)[:, None])
+        # No program is about the block that moved: then any that fits the scene.
         wanted = np.where(wanted.any(-1, keepdims=True), wanted, fits)
+        # The largest of equal random keys is a uniform draw, in one pass over the batch.
         keys = np.where(wanted, rng.random(wanted.shape), -1.0)
         program = keys.argmax(-1).astype(np.int32)
         chosen = sets[np.arange(size), program]  # [B, 2, N]
@@ -125,6 +127,7 @@ class Hindsight:
         `sets` are the program's, [B, 2, N]; `bodies` [B, N] says what has a body.
         """
         config, every = self._config, np.arange(len(sets))
+        # Only places may be moved afterwards: a block elsewhere would have changed what happened.
         places = sets[:, 1] & ~bodies
         rows = np.flatnonzero(places.any(-1) & (rng.random(len(sets)) < config.future))
         if not len(rows):
@@ -136,6 +139,7 @@ class Hindsight:
         another = (others * rng.random(others.shape)).argmax(-1)
         cross = (rng.random(len(rows)) < config.cross) & others.any(-1)
         who = np.where(cross, another, who)
+        # A later step of the same episode, or this transition's end.
         left = replay.arrays["left"][drawn.index[rows]]
         later = drawn.index[rows] + 1 + (rng.random(len(rows)) * left).astype(np.int64)
         later %= replay.capacity

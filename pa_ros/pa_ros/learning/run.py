@@ -72,6 +72,7 @@ class LearningRun:
             self._check_length(trajectory)
             self._check_age(trajectory)
             accepted = self.learner.consume(trajectory)
+        # This is the learner's fault, not the trajectory's: it is not counted as rejected.
         except DivergedError:
             raise
         except PaError:

@@ -55,6 +55,8 @@ def load_parameters(path: Path) -> Parameters:
     if not isinstance(content, dict) or not content:
         shown = type(content).__name__ if content else "nothing"
         raise ConfigError(f"parameters: {path}: expected nodes by name, got {shown}")
+    # The more exactly a key names a node, the more it counts: all nodes, a name in any namespace,
+    # one node.
     common: dict[str, Any] = {}
     wild: Parameters = {}  # of all nodes with a name, in any namespace
     named: Parameters = {}
@@ -140,6 +142,7 @@ def extended(parameters: Parameters, extensions: Sequence[str]) -> Parameters:
     """Let all nodes import more extensions, after those that they already import."""
     if not extensions:
         return parameters
+    # The nodes may run in another folder.
     more = [str(Path(name).resolve()) if name.endswith(".py") else name for name in extensions]
     return merged(parameters, {
         name: {"extensions": [*values.get("extensions", []), *more]}
