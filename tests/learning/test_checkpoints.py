@@ -18,6 +18,7 @@ from helpers.worlds import (
     run,
 )
 from pa_ros.acting.actor import Actor
+from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import here
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.checkpoint_files import find_checkpoint, make_latest, newest_whole
@@ -192,9 +193,15 @@ def test_numbers_that_are_not_finite_are_never_saved(saved, name, value) -> None
     restore(saved, one)
     before = {path: path.read_bytes() for path in saved.rglob("*") if path.is_file()}
     tensors = one.engine.tensors()
-    tensors[name][...] = value
+    tensors[name].flat[0] = value  # one number is enough
     one.engine.load_tensors(tensors)
     one.counters.version += 1
     with pytest.raises(DivergedError, match=f"got others in 1 of .*{name}"):
         save_checkpoint(saved, one)
     assert {path: path.read_bytes() for path in saved.rglob("*") if path.is_file()} == before
+
+
+def test_a_replay_buffer_is_longer_than_a_trajectory() -> None:
+    dpg(replay__capacity_frames=21, schedule__trajectory_steps=20)
+    with pytest.raises(ConfigError, match="capacity_frames: expected more than .* = 20, got 20"):
+        dpg(replay__capacity_frames=20, schedule__trajectory_steps=20)
