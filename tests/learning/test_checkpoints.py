@@ -102,7 +102,7 @@ def test_other_training_programs_are_rejected(saved) -> None:
 
 def test_a_checkpoint_of_another_version_is_rejected_naming_both(tmp_path) -> None:
     (tmp_path / "metadata.json").write_text(json.dumps({"format": 2, "extra": {}}))
-    with pytest.raises(CheckpointError, match=r"expected format 3 \(pa_ros .*\), got 2"):
+    with pytest.raises(CheckpointError, match=r"expected format 4 \(pa_ros .*\), got 2"):
         load_policy(tmp_path)
 
 

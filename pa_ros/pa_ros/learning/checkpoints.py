@@ -46,7 +46,7 @@ from pa_ros.learning.learner import Counters, Learner
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Scoring
 
-FORMAT = 3
+FORMAT = 4
 POLICIES = "policies.safetensors"
 ACTING = (METADATA, POLICIES)  # all that acting needs of a checkpoint
 # These settings may differ when resuming: they say where to compute, not what.
