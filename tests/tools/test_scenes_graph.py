@@ -91,7 +91,7 @@ def test_an_arena_that_only_describes_itself_or_is_elsewhere_is_told_from_none(m
         # A node knows its own publishers at once, so this doesn't wait for discovery.
         with pytest.raises(ConfigError, match=r"expected one with an arena \(/left\), got /$"):
             spin_with_notice(probe, lambda: False, 30.0)
-        command = [sys.executable, "-m", "pa_ros", "send", "--timeout", "3", "--namespace", "left"]
+        command = [sys.executable, "-m", "pa_ros", "send", "--timeout", "8", "--namespace", "left"]
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as sent:
             assert probe.until(lambda: sent.poll() is not None)
             assert sent.returncode == 3
