@@ -29,7 +29,8 @@ void require(bool holds, const std::string& what) {
 std::vector<float> updated(const Case& made, const Size& size, int threads, const Level& level) {
     const std::string name = std::string(made.name) + ", " + level.name;
     std::mt19937 rng(1);
-    Engine engine(made.actor, made.critic, {0.9, 0.999, 1e-8, 1.0, 2.0}, threads, level);
+    const Settings settings{1e-3, 2e-3, 0.9, 0.999, 1e-8, 1.0, 2.0, 0.1, 1.0, true};
+    Engine engine(made.actor, made.critic, settings, threads, level);
     fill(engine.actor(), rng), fill(engine.critic(), rng);
     Codes(made.actor, size.length).tell(engine);
     for (int step = 0; step < 3; step++) {
