@@ -181,6 +181,7 @@ def scene(episode: Episode) -> list[object]:
         ("2-L", "train", "b04e40a99b7f3c8e"),
         ("3-D", "eval", "53943915d479a8a5"),
         ("3-D", "not-color", "7540b2ca4c08d139"),
+        ("3-D", "depth-3", "cc59371b599ce811"),
     ],
 )
 def test_episodes_of_a_seed_never_change(design, condition, digest):

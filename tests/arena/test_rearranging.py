@@ -57,14 +57,15 @@ def test_a_block_rests_at_its_new_place_and_the_arm_continues():
     assert place[2] == pytest.approx(look_of(kinds_of(task)[1]).rest_height, abs=1e-3)
 
 
-def test_poses_and_velocities_are_reported_as_given():
+@pytest.mark.parametrize("index", [0, 1, 3])
+def test_poses_and_velocities_are_reported_as_given(index: int):
     task = begun()
     spun = bodies(task)[1:]
     turned = np.array([np.sin(0.4), 0.0, 0.0, np.cos(0.4)])  # not about the vertical
     given = Body(FAR + [0, 0, 0.4], turned, np.array([0.1, 0.2, 0.3]), np.array([1.0, 2.0, 3.0]))
-    spun[0] = given
-    rearrange(task, kinds_of(task), spun, [0])
-    reported = bodies(task)[1]
+    spun[index] = given
+    rearrange(task, kinds_of(task), spun, [index])
+    reported = bodies(task)[index + 1]
     for name in ("position", "quaternion", "linear", "angular"):
         assert getattr(reported, name) == pytest.approx(getattr(given, name), abs=1e-6), name
 

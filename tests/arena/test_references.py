@@ -15,7 +15,8 @@ from pa_ros.arena import (
     random_policy,
     scripted_action,
 )
-from pa_ros.arena.references import reward_per_step, toward
+from pa_ros.arena.references import nearest_target, reward_per_step, toward
+from pa_ros.language import parse
 
 
 @pytest.mark.parametrize("preset", ["paper", "fast"])
@@ -47,6 +48,32 @@ def test_a_base_with_limits_turns_the_way_that_it_can(base: int, goal: int, turn
     place = [0.4 * math.cos(math.radians(goal)), 0.4 * math.sin(math.radians(goal)), 0.2]
     speed = toward(task, np.array(place))[0]
     assert speed == (1.0 if turns == "forward" else -1.0) * task.config.joint_speed_limits[0]
+
+
+def test_the_script_goes_to_the_nearest_of_several_targets() -> None:
+    task = ReachTask(preset_named("fast"), design_named("2-L"), seed=0)
+    for episode in range(5):
+        task.reset(episode)
+        task.set_program(parse("NEAR(HAND, OR(RED, BLUE))", task.design.vocabulary))
+        hand, *blocks = task.simulation.positions
+        distances = [math.dist(block, hand) for block in blocks]
+        assert math.dist(nearest_target(task), hand) == min(distances) < max(distances)
+
+
+@pytest.mark.parametrize("arm", ["jaco", "panda"])
+@pytest.mark.parametrize("way", [-0.01, 0.01])
+def test_the_script_reaches_a_place_beside_the_hand_in_one_period(arm: str, way: float) -> None:
+    task = ReachTask(preset_named("fast", arm), design_named("2-L"), seed=0)
+    task.reset(0)
+    simulation, offset = task.simulation, np.array([0.0, 0.0, way])
+    speeds = toward(task, simulation.positions[0] + offset)
+    moved = simulation.hand_jacobian() @ speeds * task.config.control_period_s
+    np.testing.assert_allclose(moved, offset, atol=0.001)
+
+
+def test_the_score_of_an_episode_is_the_mean_over_its_steps() -> None:
+    task = ReachTask(preset_named("fast"), design_named("2-L"), seed=0)
+    assert reward_per_step(task, lambda _: np.zeros(6), 0) == -1.0  # it starts near no block
 
 
 def test_random_policy_is_uniform_seeded_and_poor() -> None:

@@ -5,6 +5,7 @@ import weakref
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from pa_ros.arena import (
     ARMS,
@@ -18,6 +19,7 @@ from pa_ros.arena import (
     preset_named,
     scripted_action,
 )
+from pa_ros.arena.rearranging import bodies
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Float64
 from pa_ros.language import ProgramError, parse
@@ -156,13 +158,16 @@ def test_commands_are_clamped_to_the_limits() -> None:
 def test_a_custom_episode_is_placed() -> None:
     blocks = (
         Block(Kind(color="RED", shape="CUBE"), 0.4, 0.1, 0.5),
-        Block(Kind(color="BLUE", shape="SPHERE"), -0.3, 0.3, 0.0),
+        Block(Kind(color="BLUE", shape="SPHERE"), -0.3, 0.3, -2.0),
     )
     start = (1.0, *(joint.start for joint in ARMS["jaco"].joints[1:]))
     task, blue = new_task(), parse("NEAR(HAND, BLUE)", WORDS)
     observation, _ = task.reset_to(Episode(9, "custom", blocks, start, blue))
     np.testing.assert_allclose(observation.joint_position, start)
     np.testing.assert_allclose(task.simulation.positions[1:, :2], [[0.4, 0.1], [-0.3, 0.3]])
+    for block, placed in zip(blocks, bodies(task)[1:], strict=True):
+        turned = Rotation.from_quat(placed.quaternion)
+        assert turned.as_euler("ZYX") == pytest.approx([block.yaw, 0.0, 0.0])
 
 
 def test_unstable_physics_is_an_error(tmp_path, monkeypatch) -> None:  # type: ignore[no-untyped-def]

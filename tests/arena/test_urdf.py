@@ -2,6 +2,7 @@
 
 from xml.etree import ElementTree as ET
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -23,16 +24,21 @@ def numbers(text: str) -> np.ndarray:
     return np.array([float(word) for word in text.split()])
 
 
+def pose_of(origin: ET.Element) -> np.ndarray:
+    """The pose [4, 4] that an origin states."""
+    (roll, pitch, yaw), pose = numbers(origin.get("rpy")), np.eye(4)
+    pose[:3, :3] = turn("z", yaw) @ turn("y", pitch) @ turn("x", roll)
+    pose[:3, 3] = numbers(origin.get("xyz"))
+    return pose
+
+
 def hand(description: str, positions: dict[str, float]) -> np.ndarray:
     """The hand's pose [4, 4] at these joint positions, as URDF defines it."""
     joints = {j.find("child").get("link"): j for j in ET.fromstring(description).iter("joint")}
     link, pose = "hand", np.eye(4)
     while link != "world":
         joint = joints[link]
-        origin, step = joint.find("origin"), np.eye(4)
-        roll, pitch, yaw = numbers(origin.get("rpy"))
-        step[:3, :3] = turn("z", yaw) @ turn("y", pitch) @ turn("x", roll)
-        step[:3, 3] = numbers(origin.get("xyz"))
+        step = pose_of(joint.find("origin"))
         if joint.get("type") != "fixed":
             assert np.allclose(numbers(joint.find("axis").get("xyz")), [0, 0, 1])
             step[:3, :3] = step[:3, :3] @ turn("z", positions[joint.get("name")])
@@ -60,3 +66,29 @@ def test_the_urdf_puts_the_hand_where_the_model_has_it(arm):
         x, y, z, w = body.quaternion
         forward = [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)]
         assert pose[:3, 2] == pytest.approx(forward, abs=1e-6)
+
+
+TURNED = """<mujoco><worldbody><body name="link" quat="{quat}"><joint name="turn"/>
+<geom type="{shape}" size="0.03 0.2" pos="0 0.1 0" quat="{quat}"/>
+<body name="hand" quat="{quat}"><geom size="0.05"/></body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(("shape", "rounded"), [("cylinder", []), ("capsule", [-0.2, 0.2])])
+def test_shapes_and_links_are_turned_as_in_the_model(shape, rounded):
+    for quat in np.random.default_rng(0).normal(size=(10, 4)):
+        text = TURNED.format(shape=shape, quat=" ".join(map(str, quat)))
+        model = mujoco.MjModel.from_xml_string(text)
+        simulated = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, simulated)
+        description = urdf(model, "arm", [1.0])
+        found = hand(description, {"turn": 0.0})[:3, :3].ravel()
+        assert found == pytest.approx(simulated.body("hand").xmat, abs=1e-6)
+        cylinder, *ends = ET.fromstring(description).iterfind("link[@name='link']/visual")
+        assert cylinder.find("geometry/cylinder").attrib == {"radius": "0.03", "length": "0.4"}
+        pose = pose_of(cylinder.find("origin"))
+        # The link is turned as its geom, and starts where the world does.
+        assert pose[:3, :3].ravel() == pytest.approx(simulated.body("link").xmat, abs=1e-6)
+        for end, along in zip(ends, rounded, strict=True):
+            assert end.find("geometry/sphere").get("radius") == "0.03"
+            place = pose_of(end.find("origin"))[:3, 3]
+            assert place == pytest.approx([0, 0.1, 0] + along * pose[:3, 2], abs=1e-6)

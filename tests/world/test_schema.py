@@ -83,6 +83,18 @@ def test_a_group_with_impossible_numbers_is_rejected(changed: dict[str, object],
         group(**changed)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(
+    "groups",
+    [
+        (group(name="a_b"), group(name="a", features=("b_x",))),
+        (group(features=("x", "x"), of={"A": (0.0, 0.0)}),),
+    ],
+)
+def test_two_features_with_one_name_are_rejected(groups: tuple[PropertyGroup, ...]) -> None:
+    with pytest.raises(ConfigError, match="expected different features"):
+        ObjectSchema(groups)
+
+
 WORLD = World(SIZED, SIZED.vocabulary, joints=7)
 
 
