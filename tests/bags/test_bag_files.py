@@ -70,7 +70,8 @@ def test_an_independent_reader_sees_sequence_numbers_times_and_definitions(tmp_p
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
 @pytest.mark.parametrize("limits", [{"split_s": 3.0}, {"split_mb": 0.1}])
 def test_a_bag_is_split_by_time_and_size(tmp_path, storage, limits):
-    written(tmp_path / "bag", 10, 40_000, storage=storage, **limits)
+    bag = written(tmp_path / "bag", 10, 40_000, storage=storage, **limits)
+    assert bag.size == sum(p.stat().st_size for p in bag.folder.glob("bag*"))
     about = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text())
     files = about["rosbag2_bagfile_information"]["files"]
     assert len(files) in (4, 5) and sum(file["message_count"] for file in files) == 10

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from helpers.recordings import rewritten, train
+from pa_ros.bags.episodes import episodes
 from pa_ros.bags.errors import BagFullError
-from pa_ros.bags.experience import Experience
+from pa_ros.bags.experience import Experience, arenas_of
 from pa_ros.bags.format import topic
 from pa_ros.bags.reader import Bag
-from pa_ros.bags.verify import verify
+from pa_ros.bags.verify import NAMED, ArenaReplay, verify
 from pa_ros.bags.writer import BagWriter
 from pa_ros.cli.main import main
 from pa_ros.learning.checkpoint_files import find_checkpoint
@@ -106,6 +107,69 @@ def test_one_altered_transition_is_found_and_named(
     out = capsys.readouterr().out
     assert "transition 42 of trajectory 2 of agent (episode 2, step 42)" in out
     assert "1 trajectories differ from what the arena gives" in out and "\nEQUAL" not in out
+
+
+def replayed(bag: Path, **altered):
+    """A fresh arena for a bag's description, and the bag's first trajectory."""
+    with Bag(bag) as opened:
+        experience, (arena,) = Experience(opened), arenas_of(opened)
+        return ArenaReplay(replace(arena, **altered)), next(experience.used(arena.world)).trajectory
+
+
+def test_an_altered_first_row_is_found_and_named(learned):
+    arena, trajectory = replayed(learned)
+    trajectory.objects[0, 1, 1] += 1e-3
+    assert "transition 0 of trajectory 0" in arena.check(trajectory)
+
+
+def test_transitions_are_compared_with_the_thresholds_of_their_arena(learned):
+    arena, trajectory = replayed(learned, thresholds=(9.0,))
+    assert "reward -1.0 recorded, the arena gives 1.0" in arena.check(trajectory)
+
+
+def test_only_the_first_altered_trajectories_are_described(learned, tmp_path):
+    def many(topic, message):
+        """Each trajectory becomes three, their actions turned."""
+        if topic != "/trajectories":
+            return [message]
+        turned = replace(message, actions=-message.actions)
+        return [replace(turned, sequence=message.sequence + 3 * i) for i in range(3)]
+
+    found = verified(rewritten(learned, tmp_path / "copy", many))
+    assert found.altered == 9 and len(found.named) == NAMED
+    assert "of trajectory 0 of" in found.named[0]
+
+
+def test_each_agent_of_several_arenas_has_the_arena_beside_it(learned):
+    with Bag(learned) as bag:
+        found = Experience(bag)
+    sides, (arena,), origin = ("left", "right"), found.arenas, found.learner
+    found.arenas = [replace(arena, arena_id=side) for side in sides]
+    found.origins = [
+        replace(origin, node=f"/{side}/{node}", instance=instance)
+        for side in sides
+        for node, instance in (("sim_node", side), ("agent_node", f"agent {side}"))
+    ]
+    assert [found.arena_of(f"agent {side}").arena_id for side in sides] == list(sides)
+    assert found.arena_of("agent of no arena") is None
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_weights_sent_again_without_their_trajectory_do_not_hide_it(learned, tmp_path, order):
+    def again(topic, message):
+        if topic != "/policy_weights":
+            return [message]
+        return [message, replace(message, latest=[])][::order]
+
+    with Bag(rewritten(learned, tmp_path / "copy", again)) as bag:
+        latest = [one.latest for one in Experience(bag).published.values()]
+    assert [one and one.sequence for one in latest] == [None, 0, 1, 2]
+
+
+def test_a_run_in_exact_order_in_one_process_is_verified(tmp_path):
+    exact = "--learner.schedule.in_step=exact"
+    assert train(tmp_path, "--record", tmp_path / "bag", exact, frames=100) == 0
+    assert verified(tmp_path / "bag").equal
 
 
 def test_a_reward_alters_the_weights_from_the_version_that_learned_from_it(tmp_path):
@@ -280,6 +344,7 @@ def test_a_run_with_few_recorded_versions_is_verified_completely(tmp_path):
     assert train(tmp_path, "--record", tmp_path / "bag", *arguments, frames=200) == 0
     with Bag(tmp_path / "bag") as bag:
         assert bag.counts["/trajectories"] == 200 and bag.counts["/policy_weights"] == 3
+        assert [len(episode.rows) for episode in episodes(bag)] == [101, 101]
     found = verified(tmp_path / "bag")
     assert found.equal and (found.compared, found.version, found.checked) == (3, 200, 200)
 

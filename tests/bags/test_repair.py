@@ -16,6 +16,7 @@ from pa_ros.bags.errors import BagError, BagFullError
 from pa_ros.bags.format import RESERVE
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.repair import repair
+from pa_ros.bags.storage import STORAGES
 from pa_ros.cli.main import main
 
 
@@ -129,6 +130,23 @@ def test_a_disk_that_takes_nothing_more_leaves_a_bag_to_repair(tmp_path, monkeyp
             bag.flush()
     repair(tmp_path / "bag")
     assert identifiers(tmp_path / "bag") == [0, 1, 2]
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_a_flush_that_fails_gives_the_bag_up_and_closes_its_file(tmp_path, monkeypatch, storage):
+    bag = written(tmp_path / "bag", 3, close=False, storage=storage)
+
+    def full(*_):
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(STORAGES[storage], "flush", full)
+        bag.write("/program", payload(3), START + 10**10)
+        with pytest.raises(BagFullError, match="`pa_ros record --repair"):
+            bag.flush()
+    held = {os.path.realpath(f"/proc/self/fd/{name}") for name in os.listdir("/proc/self/fd")}
+    assert not [path for path in held if path.startswith(str(bag.folder))]
+    assert repair(bag.folder).messages == 3
 
 
 def test_half_a_recorded_run_is_described_after_repair(tmp_path, capsys, monkeypatch):
