@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from helpers.worlds import dpg, random_trajectory
+from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import HAND_INDEX
 from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.config import HindsightConfig
@@ -107,6 +108,12 @@ def test_without_hindsight_scenes_stay_and_all_rows_are_drawn(replay: ReplayBuff
     drawn = hindsight(moved=0, future=0).draw(np.random.default_rng(1), replay, 300)
     np.testing.assert_array_equal(drawn.objects, replay.arrays["objects"][drawn.index])
     assert len(set(drawn.index // (STEPS + 1))) == 8
+
+
+def test_a_transition_has_one_program_where_programs_move_objects() -> None:
+    settings = dpg(relabeling__rule="all-goals", relabeling__programs_per_transition=2)
+    with pytest.raises(ConfigError, match="per_transition: expected 1 where .*objects, got 2"):
+        Learner(NetworkConfig(world=PUSH), settings, PROGRAMS, seed=0)
 
 
 @pytest.mark.parametrize("engine", ["fused", "torch"])

@@ -80,7 +80,10 @@ class RelabelingConfig(Settings):
         "places where programs move objects",
     )
     programs_per_transition: int = Field(
-        1, ge=1, le=64, description="K programs for each sampled transition"
+        1,
+        ge=1,
+        le=64,
+        description="K programs for each sampled transition; 1 where programs move objects",
     )
     property_dropout: float = Field(
         0.0, ge=0, le=1, description="share of transitions where a block's properties are hidden"

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, PolicySnapshot
 from pa_ros.core.update import Batch, Engine
 from pa_ros.language import Program
@@ -70,7 +71,8 @@ class Learner:
         scoring: Scoring | None = None,
         n_objects: int | None = None,
     ) -> None:
-        """`config` names the algorithm; ConfigError if it is not registered.
+        """`config` names the algorithm; ConfigError if it is not registered, or for more than one
+        program per transition where programs move objects.
 
         :param scoring: the arena's, by which relabeling computes rewards; None: the paper's reward
             at the relations' default thresholds.
@@ -89,6 +91,11 @@ class Learner:
         if config.relabeling.rule == "all-goals":
             asked = training_programs, network.world, self.scoring
             if network.vocabulary.moves_objects:
+                if (count := config.relabeling.programs_per_transition) > 1:
+                    raise ConfigError(
+                        "learner.relabeling.programs_per_transition: expected 1 where programs "
+                        f"move objects, got {count}"
+                    )
                 self._hindsight = Hindsight(*asked, config.hindsight)
             else:
                 self._relabeler = Relabeler(*asked)
