@@ -15,7 +15,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.evaluation import cluster
 from pa_ros.evaluation.agents import load_agent
 from pa_ros.evaluation.cluster import SeedJob, score_on
-from pa_ros.evaluation.experiments import EXPERIMENTS, run_seed
+from pa_ros.evaluation.experiments import EXPERIMENTS, Experiment, run_seed
 from pa_ros.evaluation.generalization import generalize
 from pa_ros.evaluation.seeds import folder_of, train_seeds
 from pa_ros.evaluation.tables import CURVE, EvaluationError, frames_done
@@ -31,7 +31,7 @@ SMALL = replace(
 
 
 class LocalRay:
-    """Ray as far as `Cluster.run` needs it; the first part is lost with its node."""
+    """Ray as far as `Cluster.run` needs it; the first parts are lost with their nodes."""
 
     class exceptions:
         class RayError(Exception):
@@ -40,21 +40,22 @@ class LocalRay:
         class RayTaskError(RayError):
             cause: Exception
 
-    def __init__(self) -> None:
-        self.lost = False
+    def __init__(self, losses: int = 1) -> None:
+        self.losses, self.most = losses, 0  # to come; parts at a time so far
 
     def remote(self, **_: Any) -> Any:
         return lambda work: SimpleNamespace(remote=lambda *given: partial(work, *given))
 
     def wait(self, running: list[Any], timeout: float) -> tuple[list[Any], list[Any]]:
+        self.most = max(self.most, len(running))
         return running[:1], running[1:]
 
     def cluster_resources(self) -> dict[str, float]:
         return {"CPU": 2.0}
 
     def get(self, task: Any) -> Any:
-        if not self.lost:
-            self.lost = True
+        if self.losses:
+            self.losses -= 1
             raise self.exceptions.RayError
         try:
             return task()
@@ -64,9 +65,9 @@ class LocalRay:
             raise failed from error
 
 
-def on_this_machine() -> cluster.Cluster:
+def on_this_machine(ray: LocalRay | None = None) -> cluster.Cluster:
     local = object.__new__(cluster.Cluster)
-    local._ray, local._extended = LocalRay(), ()
+    local._ray, local._extended = ray or LocalRay(), ()
     return local
 
 
@@ -84,17 +85,34 @@ def test_scores_of_a_cluster_are_those_of_this_machine(tmp_path) -> None:
 
 def test_a_lost_part_is_repeated_and_a_failed_seed_does_not_stop_the_others(tmp_path) -> None:
     messages: list[str] = []
-    local = on_this_machine()
+    ray = LocalRay()
+    local = on_this_machine(ray)
     wrong = replace(SMALL, options={"learner.updates.discount": float("nan")})
     jobs = [SeedJob(wrong if seed == 1 else SMALL, seed, tmp_path / f"seed-{seed}")
             for seed in range(3)]  # fmt: skip
     with pytest.raises(EvaluationError, match=r"seed 1: .*discount.*got nan"):
         local.run(jobs, lambda: None, messages.append)
     assert [line.partition(":")[0] for line in messages] == ["seed 0", "seed 1 failed"]
+    assert ray.most == 2  # as many as there are processors
     for seed in (0, 2):
         assert frames_done(tmp_path / f"seed-{seed}" / CURVE) == SMALL.frames
     run_seed(SMALL, 0, tmp_path / "here")
     assert load_agent(tmp_path / "seed-0").digest == load_agent(tmp_path / "here").digest
+
+
+def test_a_part_that_is_lost_each_time_ends_the_job(tmp_path) -> None:
+    ray = LocalRay(losses=99)
+    with pytest.raises(EvaluationError, match="seed 0: lost the same part 5 times"):
+        on_this_machine(ray).run([SeedJob(SMALL, 0, tmp_path)], lambda: None, lambda line: None)
+    assert 99 - ray.losses == cluster.LOSSES
+
+
+@pytest.mark.parametrize(("done", "until"), [(0, 100), (150, 200), (350, 390)])
+def test_a_part_ends_at_the_next_checkpoint(tmp_path, monkeypatch, done, until) -> None:
+    monkeypatch.setattr(cluster, "frames_saved", lambda _: done)
+    monkeypatch.setattr(Experiment, "checkpoint_every_frames", 100)
+    part: Any = SeedJob(replace(SMALL, frames=390, evaluate_every_frames=195), 0, tmp_path).part()
+    assert part.work.keywords == {"until": until}
 
 
 def test_on_one_machine_too_a_failed_seed_does_not_stop_the_others(tmp_path, capsys) -> None:

@@ -185,6 +185,16 @@ def test_a_longer_experiment_continues_and_a_finished_one_is_not_trained_again(t
     go(run, longer)
     assert curve.stat().st_mtime_ns == stamp
     assert all(-1.0 < score < 1.0 for score in final_scores(run, tmp_path / "scores", episodes=2))
+    scored = [path.read_text().splitlines() for path in (tmp_path / "scores").rglob("*.csv")]
+    assert [len(lines) - 1 for lines in scored] == [2] * 6  # agent and references, two conditions
+
+
+@pytest.mark.parametrize(("until", "frames"), [(None, 600), (300, 300), (900, 600)])
+def test_a_part_of_a_seed_ends_where_it_is_asked_to(tmp_path, monkeypatch, until, frames) -> None:
+    asked = []
+    monkeypatch.setattr(experiments, "train", lambda config, *_, **__: asked.append(config.frames))
+    run_seed(SMALL, 0, tmp_path, until)
+    assert asked == [frames]
 
 
 class Killed(BaseException):

@@ -1,17 +1,30 @@
 """Pictures of learning curves, conditions, detectors and variants, from tables."""
 
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.image
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
 
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.cli.main import main
+from pa_ros.evaluation import generalization_figures, learning_figures
 from pa_ros.evaluation.drawing import draw_detectors
 from pa_ros.evaluation.experiments import EXPERIMENTS, summarize, write_table
-from pa_ros.evaluation.learning_figures import is_curves, learning_figure, short
+from pa_ros.evaluation.generalization import ConditionRow
+from pa_ros.evaluation.learning_figures import (
+    is_curves,
+    learning_figure,
+    short,
+    variants_figure,
+)
 from pa_ros.evaluation.tables import EvaluationError
+from pa_ros.evaluation.variants import Variant
 
 
 def rows(*scores):
@@ -49,6 +62,50 @@ def test_the_command_draws_every_table_of_curves(tmp_path, capsys, name):
     assert table.with_suffix(".png").stat().st_size < 100_000
     assert main(["figures", "absent", "--results", str(tmp_path)]) == 2
     assert name in capsys.readouterr().err
+
+
+@pytest.fixture
+def drawn(monkeypatch) -> Iterator[list[Figure]]:
+    """The pictures of a test, which are not written."""
+    pictures: list[Figure] = []
+    for module in (generalization_figures, learning_figures):
+        monkeypatch.setattr(module, "save", lambda figure, path: pictures.append(figure))
+    yield pictures
+    plt.close("all")
+
+
+def test_lines_show_the_means_of_the_references(tmp_path, drawn) -> None:
+    row = ConditionRow(0, "train", 0, "", 0.1, True, 0.1, scripted=0.8, random=-0.9, nearest=0.2,
+                       any=-0.5, most=-0.4)  # fmt: skip
+    rows = [row, replace(row, episode=1, scripted=0.6, nearest=0.4)]
+    generalization_figures.generalization_figure(tmp_path / "a.png", rows, "")
+    lines = [c for c in drawn[0].axes[0].collections if isinstance(c, LineCollection)]
+    heights = [segment[:, 1] for line in lines for segment in line.get_segments()]
+    np.testing.assert_allclose(heights, [[0.7, 0.7], [0.3, 0.3]])
+
+
+def test_each_condition_has_its_best_and_its_worst_scene(
+    tmp_path, monkeypatch, drawn, novice
+) -> None:
+    monkeypatch.setattr(generalization_figures, "top_view", lambda *_: np.zeros((2, 2)))
+    generalization_figures.detector_figure(tmp_path / "a.png", novice, 1, "")
+    titles = [axes.get_ylabel().partition("\n")[0] for axes in drawn[0].axes[::2]]
+    assert len(titles) == 4 and [t.rpartition(" ")[2] for t in titles] == ["best", "worst"] * 2
+
+
+def test_seeds_that_never_solved_are_counted_at_the_edge_of_their_row(tmp_path, drawn) -> None:
+    names = [f"learner.updates.discount={i}" for i in range(3)]
+    variants = [Variant(n, n, 2, 3000, 1, 2000, 2, 0.9, 0.8, 1.0) for n in names]
+    seeds = [summarize(0, rows(0.1, 0.95)), summarize(1, rows(0.1, 0.2))]
+    for count in (1, 3):
+        of = {row.label: seeds for row in variants[:count]}
+        variants_figure(tmp_path / "a.png", variants[:count], of)
+    heights = [figure.get_figheight() for figure in drawn]
+    assert heights[1] - heights[0] > 0.5  # inches, or labels of rows would overlap
+    texts = drawn[1].axes[1].texts
+    assert [(t.get_position(), t.get_text()) for t in texts] == [
+        ((1.0, y), "1 never ") for y in range(3)
+    ]
 
 
 @pytest.mark.parametrize("head", ["seed,frames", "frames"])

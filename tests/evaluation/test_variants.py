@@ -9,7 +9,7 @@ import pytest
 from pa_ros.cli.main import main
 from pa_ros.evaluation.experiments import EXPERIMENTS, Experiment, summarize, write_table
 from pa_ros.evaluation.results import write_algorithms, write_variants
-from pa_ros.evaluation.tables import EvaluationError, read_rows
+from pa_ros.evaluation.tables import EvaluationError, read_rows, read_setting, write_setting
 from pa_ros.evaluation.variants import Variant
 
 BASE = EXPERIMENTS["programmable-2L"]
@@ -76,6 +76,13 @@ def test_algorithms_are_compared_but_are_no_variants(tmp_path: Path) -> None:
     assert path.with_suffix(".png").stat().st_size > 5000
     with pytest.raises(EvaluationError, match="expected programmable-2L and a variant"):
         write_variants("programmable-2L", tmp_path)
+
+
+def test_a_setting_is_read_if_it_says_what_is_needed(tmp_path) -> None:
+    write_setting(tmp_path / "a.csv", {"design": "2-L"})
+    assert read_setting(tmp_path / "a.csv", "design") == {"design": "2-L"}
+    with pytest.raises(EvaluationError, match=r"expected JSON with \['arm'\], got \['design'\]"):
+        read_setting(tmp_path / "a.csv", "arm")
 
 
 @pytest.mark.parametrize("text", ["{", "[]"])

@@ -148,5 +148,5 @@ def run(
     **fields: object,
 ) -> Learner:
     """Train on the point world."""
-    config = TrainConfig(out=out, seed=3, frames=frames, **fields)  # type: ignore[arg-type]
+    config = TrainConfig(**{"out": out, "seed": 3, "frames": frames, **fields})  # type: ignore[arg-type]
     return train(config, network, settings, PointWorld(3), SPEED, PROGRAMS, None, resume)

@@ -115,10 +115,12 @@ def test_a_missing_checkpoint_is_an_error(tmp_path) -> None:
 
 def test_a_damaged_latest_costs_nothing(saved) -> None:
     (saved / "LATEST").write_bytes(b"\xff\xfe")
+    (saved / "version-000000006").mkdir()  # nothing is in it
     with pytest.raises(CheckpointError, match="expected one at"):
         load_policy(saved)
     newest, damage = newest_whole(saved)
     assert newest.name == "version-000000005" and "LATEST: names no checkpoint" in damage
+    assert "version-000000006, found none" in damage
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -52,6 +52,12 @@ def test_trajectories_are_learned_from_in_a_fixed_order_however_they_arrive(arri
     assert learned == [("a", 0, 0), ("b", 0, 0), ("a", 0, 1), ("b", 0, 1)]
 
 
+def test_without_an_order_each_trajectory_is_learned_from_as_it_arrives():
+    run, arrivals = run_of("exact"), (trajectory(1, "b"), trajectory(0, "a"), trajectory(0, "b"))
+    learned = learned_from(arrivals, run, FixedOrder(run))
+    assert learned == [("b", 0, 1), ("a", 0, 0), ("b", 0, 0)]
+
+
 def test_a_missing_trajectory_is_waited_for_and_named_by_its_agent():
     order = FixedOrder(run_of("exact"), ("a", "b"))
     assert order.awaited == ""

@@ -162,12 +162,19 @@ def test_a_run_cut_off_repeats_what_its_checkpoint_lacks(tmp_path) -> None:
 ENVIRONMENT = {"design": "2-L", "preset": "fast", "arm": "jaco"}
 
 
-@pytest.mark.parametrize(("field", "value"), [("design", "3-D"), ("preset", "paper")])
-def test_another_runs_checkpoint_is_refused(tmp_path, field, value) -> None:
+@pytest.mark.parametrize(
+    ("changed", "reason"),
+    [
+        ({"environment": ENVIRONMENT | {"design": "3-D"}}, "design: expected '3-D'"),
+        ({"environment": ENVIRONMENT | {"preset": "paper"}}, "preset: expected 'paper'"),
+        ({"seed": 4}, "seed: expected 4, got 3"),
+    ],
+)
+def test_another_runs_checkpoint_is_refused(tmp_path, changed, reason) -> None:
     run(tmp_path, 20)
     kept = (tmp_path / "progress.csv").read_bytes()
-    with pytest.raises(CheckpointError, match=f"{field}: expected '{value}'"):
-        run(tmp_path, 40, resume=True, environment=ENVIRONMENT | {field: value})
+    with pytest.raises(CheckpointError, match=reason):
+        run(tmp_path, 40, resume=True, **changed)
     assert (tmp_path / "progress.csv").read_bytes() == kept
 
 
