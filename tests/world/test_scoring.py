@@ -1,6 +1,8 @@
 """The one rule: distance, the threshold itself, and rewards, for one state and for many."""
 
+from collections import Counter
 from dataclasses import dataclass
+from itertools import product
 from math import inf, sqrt
 from typing import Any
 
@@ -12,7 +14,12 @@ from hypothesis.extra.numpy import arrays
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32
+from pa_ros.language import parse, roles
 from pa_ros.world import REWARDS, Reward, Scoring, Sparse, reward_from
+from pa_ros.world.poses import objects_from_poses
+from pa_ros.world.programs import ProgramTable, crisp_roles
+from pa_ros.world.schema import PUSHING
+from pa_ros.world.world import World
 
 
 def scene(*positions: tuple[float, float, float]) -> Float32:
@@ -121,3 +128,55 @@ def test_a_reward_without_a_number_for_each_state_is_rejected_when_it_is_chosen(
     monkeypatch.setattr(Paying, "pays", staticmethod(pays))
     with pytest.raises(ConfigError, match=f"reward own: .*{why}"):
         reward_from("own")
+
+
+MOVING = World(PUSHING, PUSHING.vocabulary.asking("NEAR", "LEFT_OF").moving("PLACE"), joints=6)
+MOVES = (
+    "NEAR(RED, BLUE)",
+    "NEAR(CUBE, PLACE)",
+    "LEFT_OF(NOT(RED), CUBE)",
+    "NEAR(HAND, PLACE)",
+    "NEAR(PLACE, RED)",
+    "NEAR(BLUE, HAND)",
+    "NEAR(AND(RED, CUBE), AND(RED, CUBE))",
+)
+
+
+def test_many_states_of_moved_objects_are_scored_as_one_pair_at_a_time() -> None:
+    """Some object of the first set, and another one of the second."""
+    rng, seen = np.random.default_rng(1), Counter()
+    assert World.from_json(MOVING.to_json()) == MOVING
+    scoring = Scoring.of(MOVING.relations)
+    programs = [parse(text, MOVING.vocabulary) for text in MOVES]
+    table = ProgramTable(MOVING.vocabulary)
+    for program in programs:
+        table.add(program)
+    labels = [dict(shape=s, color=c) for s in ("CUBE", "PLACE") for c in ("RED", "BLUE")]
+    for _ in range(20):
+        chosen = [labels[i] for i in rng.integers(4, size=4)]
+        words = [set(), *(set(one.values()) for one in chosen)]
+        poses = np.zeros((3, 5, 7))
+        poses[..., :3], poses[..., 3:] = rng.normal(0, 0.1, (3, 5, 3)), (0.0, 0.6, 0.0, 0.8)
+        objects = np.stack([objects_from_poses(PUSHING, chosen, one) for one in poses])
+        hand = poses[:, 0].astype(np.float32)
+        truth = MOVING.truth(objects[0]).T
+        sets = crisp_roles(table.arrays(), table.roles(), truth, 0)  # [P, 2, N]
+        assert MOVING.schema.bodies(objects[0]).tolist() == ["PLACE" not in w for w in words]
+        for j, program in enumerate(programs):
+            moved, named = roles(program, words, 0, {"PLACE"})
+            both = product(range(5), range(5))
+            pairs = [(a, b) for a, b in both if a != b and moved[a] and named[b]]
+            of = None if program.moves_hand else sets[j, 0]
+            many = scoring(sets[j, 1], objects, program.relation, hand, of)
+            for t in range(3):
+                who, where = (np.flatnonzero(one).tolist() for one in (moved, named))
+                of = None if program.moves_hand else who
+                score = scoring.of_targets(where, objects[t], program.relation, hand[t], of)
+                assert many.measure[t] == score.measure and many.reward[t] == score.reward
+                near = [np.linalg.norm(poses[t, a, :3] - poses[t, b, :3]) for a, b in pairs]
+                if program.relation == "NEAR":
+                    assert score.measure == pytest.approx(min(near, default=np.inf), abs=1e-5)
+                    limit = 0.2 if program.moves_hand else 0.1
+                    assert score.satisfied == (score.measure <= limit)
+                seen[program.relation, bool(score.satisfied)] += 1
+    assert len(seen) == 4 and min(seen.values()) >= 5

@@ -13,6 +13,7 @@ from functools import lru_cache
 from pa_ros.arena.designs import Kind
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.extensions import Registry
+from pa_ros.world.schema import PLACE
 
 # Our own sizes; the paper gives none.
 # Half the cube's edge, half the cylinder's height, and the radius of sphere and cylinder.
@@ -20,8 +21,7 @@ BLOCK_HALF_SIZE_M = 0.03
 CAPSULE_RADIUS_M = 0.025
 CAPSULE_HALF_LENGTH_M = 0.025  # the capsule lies on its side, along the block's x axis
 
-PLACE = "PLACE"  # the shape of a place, a disk on the table
-PLACE_RADIUS_M = 0.06
+PLACE_RADIUS_M = 0.06  # of a place, a disk on the table
 RESTING_DEPTH_M = {"CUBE": 4.36e-5, "SPHERE": 1.69e-4, "CYLINDER": 4.4e-5, "CAPSULE": 8.66e-5}
 """How far each shape sinks into the table, measured (tests/arena/test_physics.py). MuJoCo's contact
 is soft, and the depth doesn't depend on the mass. A block that starts at this depth does not move

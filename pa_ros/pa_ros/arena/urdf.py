@@ -26,7 +26,7 @@ def urdf(model: mujoco.MjModel, name: str, speed_limits: Sequence[float]) -> str
     for number, body in enumerate(_chain(model)):
         own, parent = model.body(body), model.body(model.body_parentid[body])
         _link(robot, model, body, own.name)
-        _joint(robot, model, body, own.name, parent.name or ROOT, speed_limits, number)
+        _joint(robot, model, body, own.name, parent.name, speed_limits, number)
     ET.indent(robot)
     return ET.tostring(robot, encoding="unicode")
 

@@ -12,9 +12,9 @@ import numpy as np
 from pa_ros.acting.actor import Actor
 from pa_ros.arena import ArenaConfig, Design, design_named, preset_named
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import Float64, Observation, PolicySnapshot
-from pa_ros.evaluation.evaluate import AgentPolicy
-from pa_ros.language import MIN_MAX, Logic, Program
+from pa_ros.core.experience import PolicySnapshot
+from pa_ros.evaluation.evaluate import AgentPolicy, policy_of
+from pa_ros.language import MIN_MAX, Logic
 from pa_ros.learning.checkpoints import load_policy, read_metadata
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.networks.config import actor_config
@@ -84,15 +84,8 @@ def trained(out: Path) -> Path:
 
 def greedy(snapshot: PolicySnapshot, arena: ArenaConfig, logic: Logic = MIN_MAX) -> AgentPolicy:
     """An actor without exploration, as a policy of joint velocities (rad/s) for an arena."""
-    actor, speeds = Actor.of(snapshot, logic), np.array(arena.joint_speed_limits)
-    world = actor.network.world
-
-    def act(observation: Observation, program: Program) -> Float64:
-        action = actor.act(observation, program)
-        command = world.joint_action(action, observation.joint_position)
-        return np.asarray(command.astype(np.float64) * speeds)
-
-    return act
+    actor = Actor.of(snapshot, logic)
+    return policy_of(actor, actor.network.world, arena)
 
 
 def without_training(agent: TrainedAgent, seed: int) -> TrainedAgent:

@@ -30,6 +30,7 @@ from pa_ros.evaluation.scores import (
     rewards,
 )
 from pa_ros.language import LOGICS, MIN_MAX, Program
+from pa_ros.world.world import World
 
 # From an observation and a program to joint velocities in rad/s [J].
 AgentPolicy = Callable[[Observation, Program], Float64]
@@ -153,7 +154,19 @@ class Acts(Protocol):
     """A greedy actor."""
 
     def act(self, observation: Observation, program: Program) -> Float32:
-        """The action, [J] in [-1, 1]."""
+        """The action, in [-1, 1]."""
+
+
+def policy_of(actor: Acts, world: World, arena: ArenaConfig) -> AgentPolicy:
+    """An actor's actions as joint velocities (rad/s) of an arena's arm."""
+    speeds = np.array(arena.joint_speed_limits)
+
+    def act(observation: Observation, program: Program) -> Float64:
+        action = actor.act(observation, program)
+        command = world.joint_action(action, observation.joint_position)
+        return np.asarray(command.astype(np.float64) * speeds)
+
+    return act
 
 
 class TrainingScores:
@@ -165,7 +178,6 @@ class TrainingScores:
 
     def __init__(self, config: ArenaConfig, design: Design, episodes: int) -> None:
         self.task = ReachTask(config, design, TRAINING_SCORES_SEED)
-        self._speeds = np.array(config.joint_speed_limits)
         self._episodes = episodes
         self._conditions = ("train", "eval") if design.held_out else ("train",)
 
@@ -182,13 +194,10 @@ class TrainingScores:
 
     def __call__(self, actor: Acts) -> dict[str, float]:
         """`{train,eval}_greedy.{reward_per_step,normalized,success_rate}`."""
-
-        world = self.task.world
+        policy = policy_of(actor, self.task.world, self.task.config)
 
         def act(observation: Observation) -> Float64:
-            action = actor.act(observation, self.task.program)
-            command = world.joint_action(action, observation.joint_position)
-            return np.asarray(command.astype(np.float64) * self._speeds)
+            return policy(observation, self.task.program)
 
         row: dict[str, float] = {}
         for condition in self._conditions:

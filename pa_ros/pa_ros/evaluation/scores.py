@@ -26,7 +26,7 @@ class EpisodeScore:
     program: str
     reward_per_step: float  # mean of the ±1 rewards, in [-1, 1]
     success: bool  # the program was satisfied when the episode ended
-    distance: float  # metres, between the nearest two objects to be related, at the end
+    distance: float  # in the relation's unit, of the nearest two objects to be related, at the end
     ever: bool = False  # the program was satisfied at some step
 
 

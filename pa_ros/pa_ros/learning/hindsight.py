@@ -38,6 +38,10 @@ class Transitions:
         self.program: NDArray[np.int32] = arrays["program"][index]
         self.reward: Float32 = arrays["reward"][index]
 
+    def scenes(self, part: slice) -> tuple[Float32, Float32, Float32, Float32]:
+        """Objects and arm of some of them, before and after."""
+        return self.objects[part], self.arm[part], self.next_objects[part], self.next_arm[part]
+
     @property
     def hand(self) -> Float64:
         """The hand's poses before, [B, 7]."""

@@ -18,7 +18,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.language import Program
 from pa_ros.world import Scoring
-from pa_ros.world.programs import ProgramTable, crisp_roles
+from pa_ros.world.programs import ProgramTable, crisp
 from pa_ros.world.world import World
 
 MAX_PROGRAMS = 64  # bits of a mask
@@ -48,11 +48,11 @@ class Relabeler:
             self._table.add(program)
         self._world = world
         self._scoring = scoring
-        # Programs of one relation that move the hand, or that move objects.
-        alike: dict[tuple[str, bool], list[int]] = {}
-        for row, program in enumerate(self._table.programs):
-            alike.setdefault((program.relation, program.moves_hand), []).append(row)
-        self._alike = {key: np.array(rows) for key, rows in alike.items()}
+        asked = self._table.relations()
+        self._of_relation = {
+            relation: np.flatnonzero(asked == row)
+            for relation, row in world.vocabulary.relation_row.items()
+        }
         self._bits = np.arange(len(self._table), dtype=np.uint64)
         self._values: Float64 | None = None  # of a program not satisfied, and of one that is
         if not scoring.reward.uses_measure:
@@ -71,20 +71,14 @@ class Relabeler:
         `objects` is [T + 1, N, F] of one episode, where properties do not change; `hand_pose`
         [T + 1, 7] is the hand's in the base's frame, where a relation asks for it.
         """
-        truth, registers = self._world.truth(objects[0]).T, self._table.roles()
-        sets = crisp_roles(self._table.arrays(), registers, truth, hand_index)  # [P, 2, N]
-        moved, named = sets[:, 0], sets[:, 1]
+        named = crisp(self._table.arrays(), self._world.truth(objects[0]).T, hand_index)  # [P, N]
         satisfied = np.zeros((len(objects), len(named)), np.bool_)  # [T + 1, P]
-        present: NDArray[np.bool_] = np.asarray(named.any(-1))
         earned = np.zeros(satisfied.shape)
         pose = None if hand_pose is None else hand_pose[:, None]
-        for (relation, moves_hand), rows in self._alike.items():
-            of = None if moves_hand else moved[rows]
-            score = self._scoring(named[rows], objects[:, None], relation, pose, of)
+        for relation, rows in self._of_relation.items():
+            score = self._scoring(named[rows], objects[:, None], relation, pose)
             satisfied[:, rows], earned[:, rows] = score.satisfied, score.reward
-            if not moves_hand:
-                present[rows] = np.isfinite(score.measure[0])  # some pair is present
-        weights = np.uint64(1) << self._bits
+        present, weights = named.any(-1), np.uint64(1) << self._bits
         rewards = None
         if self._values is None:
             rewards = np.where(present, earned, 0.0).astype(np.float32)

@@ -49,7 +49,7 @@ class ReplayBuffer:
         self.rows = 0  # filled
         self.head = 0  # next row to be written
         self.arrays: dict[str, NDArray[Any]] = {}
-        self._kinds = Kinds(world)
+        self._kinds = Kinds(world) if world.vocabulary.moves_objects else None
         self._moved_rows: Int64 | None = None  # until the next insertion
         if n_objects is not None:
             self._allocate(n_objects)
@@ -118,7 +118,7 @@ class ReplayBuffer:
         arrays["satisfied"][index], arrays["present"][index] = goals.satisfied, goals.present
         if goals.rewards is not None:
             arrays["goal_reward"][index] = goals.rewards
-        if self.world.vocabulary.moves_objects:
+        if self._kinds is not None:
             arrays["left"][index] = np.arange(len(trajectory), -1, -1)
             arrays["kind"][index] = self._kinds.of(arrays["objects"][index])
             arrays["moved"][index] = moved_objects(arrays["objects"][index], trajectory.arm)
@@ -180,7 +180,7 @@ class ReplayBuffer:
             "satisfied": ((), np.uint64),  # bit j: relabeling program j is satisfied at this row
             "present": ((), np.uint64),  # bit j: program j names an object of the scene
         }
-        if self.world.vocabulary.moves_objects:
+        if self._kinds is not None:
             shapes["left"] = (), np.int32  # transitions from this row to the trajectory's end
             shapes["kind"] = (n_objects,), np.int16  # see relabeling.kinds
             shapes["moved"] = (n_objects,), np.bool_  # which blocks moved in its trajectory
