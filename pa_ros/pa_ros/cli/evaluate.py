@@ -110,26 +110,24 @@ def _report(
 
 
 def _ends(evaluation: Evaluation, vocabulary: Vocabulary) -> Report:
-    """How episodes ended in which blocks were to be moved; spheres apart, since they roll on."""
+    """How episodes ended in a world whose blocks can be moved; spheres apart, since they roll on."""
     if not vocabulary.moves_objects:
         return {}
-    spheres = []
+    spheres, others, pushes = [], [], False
     for score in evaluation.scores:
         program = parse(score.program, vocabulary)
         excluded = {part for e in _sets(program) if isinstance(e, Not) for part in walk(e)}
-        if Word("SPHERE") in {*_sets(program)} - excluded:
-            spheres.append(score)
-    others = [score for score in evaluation.scores if score not in spheres]
+        named = Word("SPHERE") in {*_sets(program)} - excluded
+        (spheres if named else others).append(score)
+        pushes = pushes or not program.moves_hand
     report: dict[str, float | int | str] = {}
-    for name, scores in (("", others), ("spheres.", spheres)):
+    for name, scores in (("eval.", others), ("eval.spheres.", spheres)):
         if scores:
-            report |= {
-                f"eval.{name}success": float(np.mean([score.success for score in scores])),
-                f"eval.{name}ever": float(np.mean([score.ever for score in scores])),
-                f"eval.{name}within_{CLOSE_M}": float(
-                    np.mean([score.distance <= CLOSE_M for score in scores])
-                ),
-            }
+            report[f"{name}success"] = float(np.mean([score.success for score in scores]))
+            report[f"{name}ever"] = float(np.mean([score.ever for score in scores]))
+        if scores and pushes:
+            close = [score.distance <= CLOSE_M for score in scores]
+            report[f"{name}within_{CLOSE_M}"] = float(np.mean(close))
     return report
 
 
