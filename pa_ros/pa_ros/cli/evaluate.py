@@ -31,6 +31,7 @@ from pa_ros.evaluation.generalization import (
     summarize,
 )
 from pa_ros.evaluation.scorer import Benchmark, Scorer
+from pa_ros.evaluation.scores import EpisodeScore
 from pa_ros.language import (
     MIN_MAX,
     Expression,
@@ -110,10 +111,12 @@ def _report(
 
 
 def _ends(evaluation: Evaluation, vocabulary: Vocabulary) -> Report:
-    """How episodes ended in a world whose blocks can be moved; spheres apart, since they roll on."""
+    """How episodes ended where blocks can be moved; spheres apart, since they roll on."""
     if not vocabulary.moves_objects:
         return {}
-    spheres, others, pushes = [], [], False
+    spheres: list[EpisodeScore] = []
+    others: list[EpisodeScore] = []
+    pushes = False
     for score in evaluation.scores:
         program = parse(score.program, vocabulary)
         excluded = {part for e in _sets(program) if isinstance(e, Not) for part in walk(e)}
