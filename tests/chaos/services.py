@@ -40,7 +40,7 @@ def service_faults() -> list[Fault]:
         Fault(f"{AT_ONCE:,} goals at once", _many_goals, kind="executing",
               silent="all are answered"),
         Fault(f"all nodes: {CYCLES} times through all states", _go_through_all_states,
-              silent="the nodes are told to"),
+              silent="somebody asked the nodes to do it"),
     ]  # fmt: skip
 
 

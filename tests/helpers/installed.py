@@ -1,4 +1,4 @@
-"""What an installation of the packages must contain, whoever made it."""
+"""What an installation of the packages must contain, however it was made."""
 
 from pathlib import Path
 

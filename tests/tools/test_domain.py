@@ -1,4 +1,4 @@
-"""Graphs that are yet to start don't meet, whoever claims domains for them."""
+"""Graphs that start at the same time get different domains."""
 
 import os
 

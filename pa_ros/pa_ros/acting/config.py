@@ -54,7 +54,7 @@ class Schedule(Settings):
 
     @property
     def announced_lag(self) -> int:
-        """What agents are told: policy_lag, or that they are not to wait."""
+        """`policy_lag` for agents, or NO_LAG if they do not wait."""
         return NO_LAG if self.in_step == "free" else self.policy_lag
 
     @property

@@ -105,6 +105,6 @@ def _extremes(op: Tensor, phi: Tensor) -> Joined:
 
 @lru_cache
 def _coefficients(device: torch.device, dtype: torch.dtype) -> Tensor:
-    """Copied to a device once: a copy would hold up whoever queues work on it."""
+    """Copied to a device once, since each copy delays the work that waits for the device."""
     with torch.inference_mode(False):
         return torch.tensor(COEFFICIENTS, dtype=dtype, device=device)
