@@ -15,6 +15,7 @@ import pytest
 
 from pa_ros import make_arena
 from pa_ros.arena import (
+    Design,
     Episode,
     ReachTask,
     condition_named,
@@ -38,11 +39,20 @@ from pa_ros.world.world import World
 
 CONFIG, PUSH_2 = preset_named("push"), design_named("push-2")
 NAMES = ("push-2", "push-3D")
-ALL = [(name, c) for name in NAMES for c in conditions_for(design_named(name))]
+SIDES = ("NEAR", "LEFT_OF", "BEHIND")
+
+
+def design_of(name: str) -> Design:
+    """A design by name; `push-2 sides` is push-2 with other relations, too."""
+    design = design_named(name.split()[0])
+    return design.with_relations(*SIDES) if name.endswith("sides") else design
+
+
+ALL = [(name, c) for name in (*NAMES, "push-2 sides") for c in conditions_for(design_of(name))]
 
 
 def draw(name: str, condition: str, index: int) -> Episode:
-    design = design_named(name)
+    design = design_of(name)
     return generate(CONFIG, design, condition_named(condition, design), 3, index)
 
 
@@ -52,7 +62,7 @@ def apart(a: np.ndarray, b: np.ndarray) -> float:
 
 @pytest.mark.parametrize(("name", "condition"), ALL)
 def test_the_program_names_what_moves_and_where_to(name: str, condition: str) -> None:
-    design = design_named(name)
+    design = design_of(name)
     chosen = condition_named(condition, design)
     task = ReachTask(CONFIG, design, seed=3)
     for index in range(6):

@@ -67,6 +67,11 @@ class Condition:
                 f"got {self.n_blocks}"
             )
 
+    def tells(self, target: Kind, moved: Kind | None) -> bool:
+        """Whether a program can name a target without naming the block that is to be moved."""
+        named = [group for group in target if self.terms.get(group, Term.NAMED) is Term.NAMED]
+        return moved is None or any(target[group] != moved[group] for group in named)
+
 
 def training_programs(design: Design) -> tuple[Program, ...]:
     """The programs of training episodes, by relation and then by target.
@@ -243,7 +248,9 @@ def _moving_conditions(design: Design) -> list[Condition]:
         condition("target-or", moved=pool, either=("target",)),
         condition("depth-3", moved=pool, depth=3),
         condition("target-only-shape", moved=pool, terms={"color": Term.ANY}),
+        condition("target-only-color", pool, moved=pool, terms={"shape": Term.ANY}),
         condition("target-not-color", moved=pool, terms={"color": Term.NOT_ANOTHER}),
+        condition("target-not-shape", pool, moved=pool, terms={"shape": Term.NOT_ANOTHER}),
     ]
     for group in design.values:
         others = {other: Term.ANY for other in design.values if other != group}

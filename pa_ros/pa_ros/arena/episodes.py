@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import permutations
 from math import atan2, cos, hypot, pi, sin
 
 import numpy as np
@@ -14,7 +15,8 @@ from pa_ros.arena.config import ArenaConfig, Joints
 from pa_ros.arena.controllers import joints_at
 from pa_ros.arena.designs import Design, Kind
 from pa_ros.arena.errors import ArenaError
-from pa_ros.language import Program, satisfying
+from pa_ros.language import Program, roles, satisfying
+from pa_ros.world.relation import RELATIONS
 
 RANDOM_STREAM = 0  # docs/DESIGN.md: streams of random numbers
 PLACEMENT_TRIES = 1000
@@ -94,7 +96,7 @@ def _moving_episode(
     """Draw an episode of a design whose programs move blocks. Blocks come first, then places."""
     base = float(rng.uniform(config.joint_lower[0], config.joint_upper[0]))
     moved = _one_of(condition.moved, rng) if condition.moved else None
-    target = _one_of([kind for kind in condition.targets if kind != moved], rng)
+    target = _one_of([kind for kind in condition.targets if condition.tells(kind, moved)], rng)
     program, required = moving_program(condition, design, moved, target, rng)
     named = [*([] if moved is None else [moved]), target, *required]
     blocks = list(dict.fromkeys(kind for kind in named if design.schema.has_body(kind)))
@@ -110,7 +112,11 @@ def _moving_episode(
         chosen.extend(free[: max(count - len(chosen), 0)])
     to_place = target in design.places
     counts = len(blocks), len(places)
-    block_spots, place_spots = _layout(config, *counts, moved is not None, to_place, rng)
+    for _ in range(PLACEMENT_TRIES):
+        block_spots, place_spots = _layout(config, *counts, moved is not None, to_place, rng)
+        spots = [*block_spots, *place_spots]
+        if moved is None or not _holds(design, program, [*blocks, *places], spots):
+            break
     start = base, *(joint.start for joint in ARMS[config.arm].joints[1:])
     if moved is not None and rng.random() < condition.near_starts:
         spot = _near(config, block_spots[0], NEAR_HAND_M, block_spots, HAND_GAP_M, rng)
@@ -127,6 +133,19 @@ def _moving_episode(
 
 def _one_of(choices: Sequence[Kind], rng: np.random.Generator) -> Kind:
     return choices[int(rng.integers(len(choices)))]
+
+
+def _holds(design: Design, program: Program, kinds: Sequence[Kind], spots: Sequence[Spot]) -> bool:
+    """Whether a program is satisfied by objects that lie at these spots."""
+    relation = RELATIONS[program.relation]
+    moved, named = roles(program, [kind.words for kind in kinds], None, design.vocabulary.bodiless)
+    lying = np.array([(*spot, 0.0) for spot in spots])
+    least = relation.between or relation.threshold
+    return any(
+        relation.of_places(lying[i], lying[j]) <= least
+        for i, j in permutations(range(len(kinds)), 2)
+        if moved[i] and named[j]
+    )
 
 
 def _layout(
