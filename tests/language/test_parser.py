@@ -122,10 +122,20 @@ def test_a_program_has_the_relation_that_its_text_names() -> None:
 @pytest.mark.parametrize(
     ("text", "code", "position", "shown"),
     [
-        ("BELOW(HAND, RED)", "unknown_word", 0, "NEAR, ABOVE or LEFT_OF, received 'BELOW'"),
+        (
+            "BELOW(HAND, RED)",
+            "unknown_word",
+            0,
+            "NEAR, ABOVE, LEFT_OF, THEN, ALL or AVOID, received",
+        ),
         ("ABOV(HAND, RED)", "unknown_word", 0, "did you mean ABOVE?"),
         ("above(HAND, RED)", "wrong_case", 0, "expected ABOVE, received 'above'"),
-        ("RED(HAND, RED)", "syntax", 0, "expected NEAR, ABOVE or LEFT_OF, received 'RED'"),
+        (
+            "RED(HAND, RED)",
+            "syntax",
+            0,
+            "expected NEAR, ABOVE, LEFT_OF, THEN, ALL or AVOID, received",
+        ),
         ("ABOVE(HAND, NEAR)", "syntax", 12, "(NEAR is not a property)"),
         ("ABOVE(HAND, RED, BLUE)", "arity", 0, "expected 2 arguments to ABOVE, received 3"),
         (" ", "empty", 0, "such as NEAR(HAND, CUBE)"),

@@ -7,7 +7,7 @@ import sys
 
 from pa_ros.arena.config import ArenaChoice
 from pa_ros.cli.options import add_setting, add_settings, settings_from
-from pa_ros.language.parser import parse
+from pa_ros.language.parser import parse_goal
 
 DESIGN = "3-D"  # of the agent that `pa_ros launch` starts
 
@@ -24,5 +24,5 @@ def run(options: argparse.Namespace) -> int:
     """Print the canonical form; a refused program raises ProgramError."""
     text = sys.stdin.read() if options.text == "-" else options.text
     options.design = options.design or DESIGN
-    print(parse(text, settings_from(options, ArenaChoice).design_of().vocabulary))
+    print(parse_goal(text, settings_from(options, ArenaChoice).design_of().vocabulary))
     return 0

@@ -33,6 +33,9 @@ SUMMARIES = {
     "program.names_nothing": "no such object",
     "program.needs_body": "nothing to move",
     "program.itself": "object related to itself",
+    "program.avoids_target": "target to be avoided",
+    "program.over_time": "goal over time",
+    "program.avoids": "nothing can be avoided",
 }
 """Every code of a ProgramError, with the words for it in the message."""
 

@@ -128,9 +128,14 @@ def require_target(
 def _names_nothing(
     program: Program, objects: Sequence[Set[str]], hand_index: int | None, moved: bool = False
 ) -> ProgramError:
+    expected = present_objects(objects, hand_index)
+    return _rejected(program, "program.names_nothing", expected, moved)
+
+
+def present_objects(objects: Sequence[Set[str]], hand_index: int | None) -> str:
+    """For an "expected": the objects of a scene."""
     present = [" ".join(sorted(w)) for i, w in enumerate(objects) if i != hand_index]
-    scene = one_of(present) if present else "it is empty"
-    return _rejected(program, "program.names_nothing", f"an object of the scene ({scene})", moved)
+    return f"an object of the scene ({one_of(present) if present else 'it is empty'})"
 
 
 def _rejected(program: Program, code: str, expected: str, moved: bool = False) -> ProgramError:
@@ -224,7 +229,12 @@ def _of_object(
 
 
 def check_words(program: Program, known: Mapping[str, int]) -> None:
-    """Raise ProgramError (program.unknown_word) if the program has a word outside `known`."""
+    """Raise ProgramError if the program has a word outside `known` (program.unknown_word) or avoids
+    a set, for which Φ alone has no meaning (program.avoids)."""
+    if program.avoided is not None:
+        source, expected = str(program), "a program without AVOID for these networks"
+        span = Span(0, len("AVOID"))
+        raise ProgramError(source, span, code="program.avoids", expected=expected, received="AVOID")
     for word in program.words:
         if word not in known:
             raise foreign_word(program, word, known)

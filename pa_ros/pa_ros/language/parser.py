@@ -8,10 +8,12 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 from pa_ros.language.errors import ProgramError, one_of, unknown_word
-from pa_ros.language.syntax import HAND, And, Expression, Not, Or, Program, Span, Word
+from pa_ros.language.goals import All, Avoid, Goal, Then
+from pa_ros.language.syntax import HAND, NEAR, And, Expression, Not, Or, Program, Span, Word
 from pa_ros.language.vocabulary import RESERVED, Vocabulary
 
 # These limits keep hostile text from costing time, memory or stack. The largest program of the
@@ -26,8 +28,13 @@ MAX_DEPTH = 32
 MAX_NODES = 256
 """Words and operators of a program, which bounds the instructions of its flat form."""
 
-OPERATORS = ("AND", "OR", "NOT")
+MAX_GOAL_DEPTH = 4
+"""THEN, ALL and AVOID within each other."""
 
+OPERATORS = ("AND", "OR", "NOT")
+OVER_TIME = ("THEN", "ALL", "AVOID")
+
+SEVERAL = "2 arguments or more"
 ARGUMENT = 1
 """Depth of an expression that is an argument of the relation."""
 
@@ -39,7 +46,29 @@ _SIGNS: dict[str, Kind] = {"(": "(", ")": ")", ",": ","}
 
 
 def parse(text: str, vocabulary: Vocabulary) -> Program:
-    """Parse a program over the words of `vocabulary`; white space between tokens is ignored.
+    """Parse a program of one relation, which may avoid a set; otherwise as `parse_goal`.
+
+    Raises ProgramError (program.over_time) for another goal.
+    """
+    goal = parse_goal(text, vocabulary)
+    if isinstance(goal, Program):
+        return goal
+    raise over_time(goal, text)
+
+
+def over_time(goal: Goal, source: str) -> ProgramError:
+    """An error for a goal over time where one program is expected."""
+    return ProgramError(
+        source,
+        Span(0, len(source)),
+        code="program.over_time",
+        expected="a single program here, such as NEAR(HAND, e)",
+        received=str(goal).partition("(")[0],
+    )
+
+
+def parse_goal(text: str, vocabulary: Vocabulary) -> Goal:
+    """Parse a goal over the words of `vocabulary`; white space between tokens is ignored.
 
     Raises ProgramError: for length and characters first, then for the first fault from the left.
     """
@@ -56,12 +85,12 @@ def parse(text: str, vocabulary: Vocabulary) -> Program:
             expected=f"a program such as {example}",
             received="nothing",
         )
-    program = _Parser(text, vocabulary).parse_program()
-    if (length := len(str(program))) > MAX_LENGTH:
-        # Otherwise a program would be accepted whose own printed form is rejected.
+    goal = _Parser(text, vocabulary).parse_text()
+    if (length := len(str(goal))) > MAX_LENGTH:
+        # Otherwise a goal would be accepted whose own printed form is rejected.
         received = f"{length} in canonical form"
-        raise _too_large(text, program.span, "long", f"{MAX_LENGTH} characters", received)
-    return program
+        raise _too_large(text, goal.span, "long", f"{MAX_LENGTH} characters", received)
+    return goal
 
 
 def _too_large(source: str, span: Span, how: str, limit: str, received: str) -> ProgramError:
@@ -119,12 +148,59 @@ class _Parser:
         self._token = next(self._tokens)
         self._nodes = 0
 
-    def parse_program(self) -> Program:
-        """program = relation "(" argument "," argument ")" end ;
+    def parse_text(self) -> Goal:
+        """text = goal end ;"""
+        goal = self._parse_goal(1)
+        if self._token.kind != "end":
+            raise self._unexpected("the end of the text")
+        return goal
+
+    def _parse_goal(self, depth: int) -> Goal:
+        """goal = program | ( "THEN" | "ALL" ) "(" goal "," goal { "," goal } ")" | avoid ;"""
+        over_time = [name for name in OVER_TIME if name != "AVOID" or self._avoids]
+        name = self._take_keyword(*self._vocabulary.relations, *over_time)
+        if name.text not in OVER_TIME:
+            return self._parse_program(name)
+        if depth > MAX_GOAL_DEPTH:
+            limit = f"{MAX_GOAL_DEPTH} of THEN, ALL and AVOID within each other"
+            raise _too_large(self._source, name.span, "deep", limit, "more")
+        if name.text == "AVOID":
+            return self._parse_avoid(name, depth)
+        self._take("(")
+        goals = [] if self._token.kind == ")" else [self._parse_goal(depth + 1)]
+        while goals and self._token.kind == ",":
+            self._advance()
+            goals.append(self._parse_goal(depth + 1))
+        if self._token.kind != ")":
+            raise self._unexpected("',' or ')'")
+        closing = self._advance()
+        if len(goals) < 2:
+            raise self._wrong_arity(name.text, name, len(goals), closing)
+        kind = Then if name.text == "THEN" else All
+        return kind(tuple(goals), Span(name.span.start, closing.span.end))
+
+    def _parse_avoid(self, name: Token, depth: int) -> Goal:
+        """avoid = "AVOID" "(" expression "," goal ")" ;"""
+        self._take("(")
+        if self._token.text == HAND.name:  # the hand is never apart from itself
+            raise self._unexpected(self._words())
+        avoided = self._parse_expression(ARGUMENT)
+        self._take(",")
+        goal = self._parse_goal(depth + 1)
+        span = Span(name.span.start, self._take(")").span.end)
+        if isinstance(goal, Program) and goal.avoided is None:
+            return replace(goal, avoided=avoided, span=span)
+        return Avoid(avoided, goal, span)
+
+    @property
+    def _avoids(self) -> bool:
+        return NEAR in self._vocabulary.relations
+
+    def _parse_program(self, relation: Token) -> Program:
+        """program = relation "(" argument "," argument ")" ;
 
         Unless programs may move objects, the arguments are "HAND" and an expression.
         """
-        relation = self._take_keyword(*self._vocabulary.relations)
         self._take("(")
         if self._token.kind == ")":
             raise self._wrong_arity(relation.text, relation, 0, self._token)
@@ -136,8 +212,6 @@ class _Parser:
         targets, closing = self._parse_rest(ARGUMENT)
         if len(targets) != 1:
             raise self._wrong_arity(relation.text, relation, 1 + len(targets), closing)
-        if self._token.kind != "end":
-            raise self._unexpected("the end of the text")
         if moved == targets[0] == HAND:
             raise ProgramError(
                 self._source,
@@ -205,6 +279,8 @@ class _Parser:
         """Reject a token that cannot start an expression."""
         if token.kind == "word" and token.text in ("HAND", *self._vocabulary.relations):
             raise self._unexpected(f"{self._words()} ({token.text} is not a property)")
+        if token.text in OVER_TIME:
+            raise self._unexpected(f"{self._words()} ({token.text} is a goal, not a set)")
         if token.kind != "word":
             hand = (HAND.name,) if depth == ARGUMENT and self._vocabulary.moves_objects else ()
             raise self._unexpected(self._words(*hand))
@@ -241,7 +317,7 @@ class _Parser:
         )
 
     def _wrong_arity(self, name: str, start: Token, received: int, closing: Token) -> ProgramError:
-        takes = {"NOT": "1 argument", "AND": "2 arguments or more", "OR": "2 arguments or more"}
+        takes = {"NOT": "1 argument", **dict.fromkeys(("AND", "OR", "THEN", "ALL"), SEVERAL)}
         return ProgramError(
             self._source,
             Span(start.span.start, closing.span.end),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple, TypeAlias
 
 NEAR = "NEAR"
@@ -74,20 +74,27 @@ HAND = Word("HAND")
 @dataclass(frozen=True, slots=True)
 class Program:
     """A goal: an object that `moved` describes is in a relation, such as NEAR, to another one that
-    `target` describes.
+    `target` describes; until then the hand is never NEAR an object that `avoided` describes.
 
-    In the paper the relation is NEAR and the hand is moved (eq. program-example);
-    `pa_ros.world.relation` contains all relations. `str()` gives the canonical text, which parses
-    to an equal program.
+    In the paper the relation is NEAR, the hand is moved, and nothing is avoided (eq.
+    program-example); `pa_ros.world.relation` contains all relations. `str()` gives the canonical
+    text, which parses to an equal program.
     """
 
     target: Expression
     relation: str = NEAR
     span: Span = field(default=NOWHERE, compare=False, repr=False)
     moved: Expression = HAND
+    avoided: Expression | None = None
 
     def __str__(self) -> str:
-        return f"{self.relation}({self.moved}, {self.target})"
+        text = f"{self.relation}({self.moved}, {self.target})"
+        return text if self.avoided is None else f"AVOID({self.avoided}, {text})"
+
+    @property
+    def relation_alone(self) -> Program:
+        """The same program without a set to avoid."""
+        return self if self.avoided is None else replace(self, avoided=None)
 
     @property
     def moves_hand(self) -> bool:
@@ -97,7 +104,8 @@ class Program:
     @property
     def words(self) -> tuple[str, ...]:
         """Property words that the program names, each once, in order of appearance."""
-        nodes = (*walk(self.moved), *walk(self.target))
+        sets = (self.moved, self.target, *([] if self.avoided is None else [self.avoided]))
+        nodes = (node for one in sets for node in walk(one))
         names = (node.name for node in nodes if isinstance(node, Word) and node != HAND)
         return tuple(dict.fromkeys(names))
 

@@ -8,7 +8,7 @@ from functools import cached_property
 from pa_ros.core.errors import ConfigError
 from pa_ros.language.syntax import NEAR
 
-RESERVED = frozenset({"HAND", "AND", "OR", "NOT"})
+RESERVED = frozenset({"HAND", "AND", "OR", "NOT", "THEN", "ALL", "AVOID"})
 
 MAX_RELATIONS = 16
 """Relations that the programs of one world may use."""
