@@ -10,27 +10,26 @@ from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.agents import load_agent
 from pa_ros.evaluation.scorer import Benchmark, Scorer
-from pa_ros.evaluation.scores import rewards
 from pa_ros.learning import checkpoints
 from pa_ros.learning.checkpoint_files import SHIPPED, write_synced
 from pa_ros.learning.checkpoints import load_policy, read_metadata, ship
 from pa_ros.learning.errors import CheckpointError
 
-NAMES = ("2-L", "3-D")
+NAMES = sorted(path.parent.name for path in SHIPPED.glob("*/metadata.json"))
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_shipped_policy_reaches_held_out_targets(name, tmp_path):
+def test_a_shipped_policy_executes_held_out_programs(name, tmp_path):
     agent = load_agent(f"shipped:{name}")
     card = read_metadata(Path(f"shipped:{name}"))["extra"]
-    assert agent.design.name == name == card["design"] and "versions" in card
+    assert agent.design.name == card["design"] and "versions" in card
     scorer = Scorer(Benchmark(design=agent.design, arena=agent.arena, episodes=10), tmp_path)
-    own = rewards(scorer.agent(agent, "eval")).mean()
-    assert own > 0.5 > 0.0 > rewards(scorer.reference("random", "eval")).mean()
+    own, random = scorer.agent(agent, "eval"), scorer.reference("random", "eval")
+    assert sum(score.success for score in own) >= 8 > 2 >= sum(score.success for score in random)
 
 
 def test_an_unknown_name_is_rejected_with_the_known_ones():
-    with pytest.raises(CheckpointError, match=r"\['2-L', '3-D'\], got '9-Z'"):
+    with pytest.raises(CheckpointError, match=r"'2-L', '3-D'.*\], got '9-Z'"):
         load_policy(Path("shipped:9-Z"))
 
 

@@ -8,14 +8,17 @@ from mcap_ros2.decoder import DecoderFactory
 
 from helpers.processes import processes_of
 from pa_ros.arena import ReachTask, design_named, preset_named, training_programs
-from pa_ros.cli.demo import execute
+from pa_ros.cli.demo import PUSHED, execute
 from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
+from pa_ros.evaluation.agents import load_agent
 from pa_ros.language import parse
+from pa_ros.learning.checkpoint_files import SHIPPED
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.tools.film import FARTHER, DemoProgram, demo_programs, find_scene
 
 graph = pytest.mark.graph
+NO_PUSH = not (SHIPPED / "push").is_dir()
 TWO_L, ARENA = design_named("2-L"), preset_named("fast")
 
 
@@ -61,18 +64,28 @@ def test_without_a_fitting_design_or_scene_there_is_an_error():
 
 
 @graph
-def test_the_shipped_agent_executes_six_programs_and_is_recorded(tmp_path, capfd):
-    design = design_named("3-D")
-    assert execute(tmp_path, design, "shipped:3-D", 1_000_000, speed=5.0)
+@pytest.mark.parametrize(
+    ("name", "kinds"),
+    [
+        ("3-D", ()),
+        pytest.param(
+            "push", PUSHED, marks=pytest.mark.skipif(NO_PUSH, reason="the package has none")
+        ),
+    ],
+)
+def test_a_shipped_agent_executes_programs_and_is_recorded(name, kinds, tmp_path, capfd):
+    design = load_agent(f"shipped:{name}").design
+    assert execute(tmp_path, design, f"shipped:{name}", 1_000_000, speed=5.0, kinds=kinds)
     table = capfd.readouterr().out
-    for program in demo_programs(design):
+    programs = [one for one in demo_programs(design) if not kinds or one.kind in kinds]
+    for program in programs:
         assert re.search(rf"{re.escape(program.text)} +\d\.\d\d m +\d\.\d\d m +(yes|NO)", table)
     with (tmp_path / "programs/programs.mcap").open("rb") as stream:
         rows = make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages(
             topics=["/program"]
         )
         sent = {row.decoded_message.program_id: row.decoded_message.text for row in rows}
-    assert list(sent.values()) == [program.text for program in demo_programs(design)]
+    assert list(sent.values()) == [program.text for program in programs]
 
 
 @graph

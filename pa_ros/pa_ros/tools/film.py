@@ -79,7 +79,7 @@ def _pushing(
     first = [*known][0]
     without = f"AND(NOT({known[first]}), {', '.join([*other.values()][1:])})"
     return [
-        DemoProgram("trained", f"{relation}({trained}, {here})", targets=2),
+        DemoProgram("trained", f"{relation}({trained}, {places[-1].conjunction})", targets=2),
         DemoProgram("held out", f"{relation}({held_out}, {here})", targets=2),
         DemoProgram("to a block", f"{relation}({trained}, {held_out})", targets=2),
         DemoProgram(f"{first} alone", f"{relation}({new[first]}, {here})", targets=2),
