@@ -1,0 +1,94 @@
+"""The newest transforms of tf, and poses along the chain that joins two frames. Without ROS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+from pa_ros.core.errors import PaError
+from pa_ros.core.experience import Float64
+from pa_ros.core.text import did_you_mean
+from pa_ros.world.poses import IDENTITY, in_base, in_hand
+
+
+class RobotError(PaError):
+    """The arm can't be moved now, or a message that would move it is rejected; `code` says why."""
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A pose, when it was measured, and when it arrived."""
+
+    pose: Float64  # [7] x y z (m), quaternion xyzw, in the parent's frame
+    stamp_ns: int = 0  # on the sender's clock; 0: it never changes
+    arrived_s: float = inf  # on the receiver's monotonic clock; inf: it never changes
+
+
+class FrameTree:
+    """The newest transform of each frame.
+
+    Ages are from arrival, so that clocks of several machines need not agree. A transform with the
+    stamp of the one before it is that measurement again, and makes nothing newer.
+    """
+
+    def __init__(self) -> None:
+        self._parents: dict[str, tuple[str, Placed]] = {}
+
+    def add(self, parent: str, child: str, placed: Placed) -> None:
+        """Keep a transform of `child`. Raises RobotError (`robot.frames`) if it closes a circle."""
+        parent, child = parent.lstrip("/"), child.lstrip("/")
+        if child in [name for name, _ in self._chain(parent)]:
+            raise RobotError(
+                f"tf: expected a tree, got {child} above {parent}", code="robot.frames"
+            )
+        known = self._parents.get(child)
+        if known and placed.stamp_ns and (known[0], known[1].stamp_ns) == (parent, placed.stamp_ns):
+            return
+        self._parents[child] = parent, placed
+
+    def pose(self, base: str, frame: str) -> Placed:
+        """Where `frame` is in `base`, as old as the oldest transform between them.
+
+        Raises RobotError (`robot.poses`) if nothing joins the two.
+        """
+        for name in (base, frame):
+            if name not in self.names:
+                hint = did_you_mean(name, self.names)
+                raise RobotError(f"tf has no frame {name!r}{hint}", code="robot.poses")
+        up, down = self._chain(frame), self._chain(base)
+        shared = {name for name, _ in up} & {name for name, _ in down}
+        if not shared:
+            raise RobotError(f"tf does not join {frame!r} and {base!r}", code="robot.poses")
+        ours, theirs = _below(up, shared), _below(down, shared)
+        moving = [placed for placed in (*ours, *theirs) if placed.stamp_ns]
+        return Placed(
+            in_hand(_product(theirs), _product(ours)),
+            min((placed.stamp_ns for placed in moving), default=0),
+            min((placed.arrived_s for placed in moving), default=inf),
+        )
+
+    @property
+    def names(self) -> set[str]:
+        """All frames that were named."""
+        return {*self._parents, *(parent for parent, _ in self._parents.values())}
+
+    def _chain(self, name: str) -> list[tuple[str, Placed]]:
+        """The frames from `name` up to the root, each with its pose in the next one."""
+        found: list[tuple[str, Placed]] = []
+        while name in self._parents:
+            parent, placed = self._parents[name]
+            found.append((name, placed))
+            name = parent
+        return [*found, (name, Placed(IDENTITY))]
+
+
+def _below(chain: list[tuple[str, Placed]], shared: set[str]) -> list[Placed]:
+    return [placed for name, placed in chain if name not in shared]
+
+
+def _product(chain: list[Placed]) -> Float64:
+    """The pose of the first frame of a chain in the parent of its last."""
+    pose = IDENTITY
+    for placed in chain:
+        pose = in_base(placed.pose, pose)
+    return pose

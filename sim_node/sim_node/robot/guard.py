@@ -1,0 +1,61 @@
+"""Joint velocities that keep the hand in its box and the joints within their limits. No ROS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pa_ros.core.experience import Float64
+from sim_node.robot.settings import Workspace
+
+ROUNDS = 10  # of correcting the faces that are approached too fast
+TINY = 1e-9  # m/s, rad/s
+DAMPING = 1e-4  # m²
+
+
+@dataclass(frozen=True)
+class Guard:
+    """Lets the hand approach a face of the box, and a joint its limit, no faster than the distance
+    over `slow_s`. Outside, only the way back is open.
+
+    Of the arm only the hand is guarded: an elbow may leave the box.
+    """
+
+    workspace: Workspace
+    joint_lower: Float64  # [J] rad
+    joint_upper: Float64
+    speeds: Float64  # [J] rad/s, of the joints
+    slow_s: float
+
+    def allowed(
+        self, velocity: Float64, position: Float64, hand: Float64, jacobian: Float64
+    ) -> Float64:
+        """The joint velocities [J] (rad/s) closest to the wanted ones that the box allows.
+
+        :param position: of the joints [J], rad.
+        :param hand: position [3] in the base's frame, m.
+        :param jacobian: of the hand's position, [3, J] m/rad.
+        """
+        # Each face and each joint's limit is a row: the speed towards it, and the greatest allowed.
+        own = np.eye(len(velocity))
+        rows = np.concatenate([jacobian, -jacobian, own, -own])
+        box, lower, upper = self.workspace, self.joint_lower, self.joint_upper
+        room = np.concatenate(
+            [box.upper - hand, hand - box.lower, upper - position, position - lower]
+        )
+        most = np.maximum(room, 0.0) / self.slow_s
+        most[6:] = np.minimum(most[6:], [*self.speeds, *self.speeds])
+        kept = velocity
+        for _ in range(ROUNDS):
+            excess = rows @ kept - most
+            fast = excess > TINY
+            if not fast.any():
+                return kept
+            too_fast = rows[fast]
+            square = too_fast @ too_fast.T + DAMPING * np.eye(len(too_fast))
+            kept = kept - too_fast.T @ np.linalg.solve(square, excess[fast])
+        # What is still too fast, all joints are slowed down for alike.
+        towards = rows @ kept
+        over = towards > most + TINY
+        return kept * min(1.0, *(most[over] / towards[over])) if over.any() else kept

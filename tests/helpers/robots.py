@@ -1,0 +1,110 @@
+"""A robot.yaml for the simulated Jaco, and the measurements that its sensors would send."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pa_ros.acting.actor import Actor
+from pa_ros.arena import Episode, Kind, condition_named, design_named, generate, preset_named
+from pa_ros.arena.simulation import Simulation
+from pa_ros.core.experience import Float64, Step
+from pa_ros.language import parse
+from pa_ros.wire.program import ProgramRequest
+from pa_ros.wire.step import Command
+from sim_node.robot.arm import RealArm
+from sim_node.robot.frames import Placed
+from sim_node.robot.settings import read_robot
+
+KINDS = tuple(
+    Kind(color=color, shape=shape)
+    for color, shape in (
+        ("RED", "CUBE"),
+        ("GREEN", "CUBE"),
+        ("RED", "SPHERE"),
+        ("BLUE", "CYLINDER"),
+    )
+)
+NAMES = tuple(str(kind).lower().replace(" ", "_") for kind in KINDS)
+CONFIG, DESIGN = preset_named("fast"), design_named("3-D")
+PERIOD_S = 0.1
+
+
+def robot_values(**changes: Any) -> dict[str, Any]:
+    """The values of a robot.yaml, with four objects measured by tf."""
+    whole = {
+        "design": "3-D",
+        "base_frame": "world",
+        "hand_frame": "hand",
+        "speed_scale": 1.0,
+        "max_acceleration": 0.0,
+        "workspace": {"lower": [-0.8, -0.8, 0.0], "upper": [0.8, 0.8, 0.8]},
+        "joints": [{"name": f"joint_{i}"} for i in range(1, 7)],
+        "objects": {
+            name: {"words": list(kind.values()), "frame": name}
+            for name, kind in zip(NAMES, KINDS, strict=True)
+        },
+    }
+    return {**whole, **changes}
+
+
+def scene(index: int = 0) -> Episode:
+    """Objects of KINDS at the places of an episode."""
+    drawn = generate(CONFIG, DESIGN, condition_named("train", DESIGN), 0, index)
+    blocks = tuple(replace(b, kind=kind) for b, kind in zip(drawn.blocks, KINDS, strict=True))
+    return replace(drawn, blocks=blocks)
+
+
+class Rehearsal:
+    """A RealArm whose sensors measure a simulated arm, in a time of its own."""
+
+    def __init__(self, index: int = 0, **changes: Any) -> None:
+        self.arm = RealArm(read_robot(robot_values(**changes)))
+        self.plant = Simulation(CONFIG, DESIGN.schema)
+        self.plant.place(scene(index))
+        self.now_s = 100.0
+        self.lost: set[str] = set()  # names whose measurements don't arrive
+        self.measure()
+
+    @property
+    def stamp_ns(self) -> int:
+        return round(self.now_s * 1e9)
+
+    def measure(self) -> None:
+        """Send what the sensors see now."""
+        plant, now = self.plant, (self.stamp_ns, self.now_s)
+        if "joints" not in self.lost:
+            self.arm.joints.add(plant.joint_position, plant.joint_velocity, *now)
+        poses, _ = plant.body_states()
+        for name, pose in zip(("hand", *NAMES), poses, strict=True):
+            if name not in self.lost:
+                measured = np.array([*pose[:3], *np.roll(pose[3:], -1)])
+                self.arm.frames.add("world", name, Placed(measured, *now))
+
+    def advance(self, velocity: Float64) -> None:
+        """Move for one period, and measure."""
+        self.plant.advance(velocity)
+        self.now_s += PERIOD_S
+        self.measure()
+
+    def observe(self) -> Step:
+        return self.arm.observe(self.now_s, self.stamp_ns)
+
+    def execute(self, text: str, actor: Actor, steps: int = 100, hold: int = 10) -> bool:
+        """Whether an agent holds a program for `hold` periods within so many steps."""
+        self.arm.submit(ProgramRequest("p", text))
+        program, held = parse(text, DESIGN.vocabulary), 0
+        for _ in range(steps):
+            step = self.observe()
+            held = held + 1 if step.verdict.satisfied else 0
+            if held > hold:
+                return True
+            action = actor.act(step.observation, program)
+            velocity = self.arm.velocity(self.command(action), self.stamp_ns)
+            self.advance(self.arm.allowed(velocity))
+        return False
+
+    def command(self, action: Any) -> Command:
+        """A command that answers the newest observation."""
+        seen = self.arm.seen
+        return Command(0, seen.step, seen.stamp_ns, "a", 0, np.asarray(action, np.float32))

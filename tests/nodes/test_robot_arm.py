@@ -1,0 +1,197 @@
+"""A real arm without ROS: frames, joints and the box; it moves only while all is measured."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from helpers.robots import CONFIG, NAMES, PERIOD_S, Rehearsal
+from pa_ros.acting.actor import Actor
+from pa_ros.learning.checkpoints import load_policy
+from pa_ros.wire.program import ProgramRequest
+from pa_ros.world.poses import in_base, in_hand
+from sim_node.robot.frames import FrameTree, Placed, RobotError
+from sim_node.robot.guard import Guard
+from sim_node.robot.joints import JointHistory
+from sim_node.robot.settings import Joint, Workspace
+
+POSES = st.integers(0, 2**32).map(lambda seed: _random_pose(np.random.default_rng(seed)))
+JOINTS = (Joint(name="a"), Joint(name="b", sign=-1, offset=0.5))
+
+
+def _random_pose(rng):
+    turn = rng.normal(size=4)
+    return np.array([*rng.normal(size=3), *turn / np.linalg.norm(turn)])
+
+
+def refused(call, *given):
+    with pytest.raises(RobotError) as error:
+        call(*given)
+    return error.value.code, str(error.value)
+
+
+# Frames
+
+
+@given(POSES, POSES, POSES)
+def test_a_pose_is_found_along_both_branches_of_the_tree(camera, hand, tag):
+    tree = FrameTree()
+    tree.add("world", "camera", Placed(camera))
+    tree.add("world", "hand", Placed(hand, 5, 1.0))
+    tree.add("camera", "tag", Placed(tag, 7, 2.0))
+    found = tree.pose("hand", "tag")
+    assert found.pose == pytest.approx(in_hand(hand, in_base(camera, tag)), abs=1e-9)
+    assert (found.stamp_ns, found.arrived_s) == (5, 1.0)  # of the older of the two
+    assert tree.pose("camera", "tag").pose == pytest.approx(
+        tag * np.sign(tag[6]) ** _TURN, abs=1e-9
+    )
+
+
+_TURN = np.array([0, 0, 0, 1, 1, 1, 1])
+
+
+def test_frames_that_nothing_joins_are_named():
+    tree = FrameTree()
+    tree.add("world", "hand", Placed(np.eye(7)[6]))
+    tree.add("map", "tag", Placed(np.eye(7)[6]))
+    assert "does not join 'tag' and 'world'" in refused(tree.pose, "world", "tag")[1]
+    assert "did you mean 'hand'" in refused(tree.pose, "world", "hend")[1]
+    assert refused(tree.add, "hand", "world", Placed(np.eye(7)[6]))[0] == "robot.frames"
+
+
+def test_the_same_measurement_sent_again_is_not_newer():
+    tree = FrameTree()
+    for arrived_s in (1.0, 2.0):
+        tree.add("world", "tag", Placed(np.eye(7)[6], 5, arrived_s))
+    assert tree.pose("world", "tag").arrived_s == 1.0
+
+
+# Joints
+
+
+def test_joints_are_resampled_in_the_agents_signs():
+    history = JointHistory(JOINTS)
+    history.add(np.array([0.0, 0.0]), np.array([1.0, 1.0]), 10, 1.0)
+    history.add(np.array([1.0, 1.0]), np.array([3.0, 3.0]), 20, 2.0)
+    between = history.at(15)
+    assert between.position.tolist() == [0.5, 0.0] and between.velocity.tolist() == [2.0, -2.0]
+    for stamp in (20, 99, 5):
+        assert history.at(stamp).position.tolist() == [1.0, -0.5], "the newest"
+    assert history.to_driver(np.array([1.0, 1.0])).tolist() == [1.0, -1.0]
+    assert history.position_of_driver(np.array([1.0, -0.5])).tolist() == [1.0, 1.0]
+
+
+def test_velocities_that_a_driver_leaves_out_are_computed():
+    history = JointHistory(JOINTS)
+    history.add(np.array([0.0, 0.0]), None, 0, 1.0)
+    history.add(np.array([0.1, 0.1]), None, 100_000_000, 1.1)
+    assert history.at(100_000_000).velocity == pytest.approx([1.0, -1.0])
+    assert refused(JointHistory(JOINTS).at, 0)[0] == "robot.joints"
+
+
+# The box
+
+
+@given(st.integers(0, 2**32))
+def test_the_hand_approaches_a_face_no_faster_than_the_distance_allows(seed):
+    rng = np.random.default_rng(seed)
+    guard = Guard(
+        Workspace(lower=(0, 0, 0), upper=(1, 1, 1)), -np.ones(6), np.ones(6), 2 * np.ones(6), 0.5
+    )
+    velocity, position, jacobian = (
+        rng.normal(size=6),
+        rng.uniform(-1, 1, 6),
+        rng.normal(size=(3, 6)),
+    )
+    hand = rng.uniform(-0.2, 1.2, 3)
+    allowed = guard.allowed(velocity, position, hand, jacobian)
+    assert np.all(jacobian @ allowed <= np.maximum(1 - hand, 0) / 0.5 + 1e-6)
+    assert np.all(-jacobian @ allowed <= np.maximum(hand, 0) / 0.5 + 1e-6)
+    assert np.all(np.abs(allowed) <= np.minimum((1 + np.abs(position)) / 0.5, 2) + 1e-6)
+
+
+def test_far_from_the_box_a_command_is_not_changed_and_along_a_face_the_hand_slides():
+    guard = Guard(
+        Workspace(lower=(-9, -9, 0), upper=(9, 9, 9)), -np.ones(3), np.ones(3), np.ones(3), 0.5
+    )
+    wanted, still = np.array([0.1, 0.0, -0.2]), np.zeros(3)
+    assert guard.allowed(wanted, still, np.ones(3), np.eye(3)) == pytest.approx(wanted)
+    slid = guard.allowed(wanted, still, np.array([1.0, 1.0, 0.0]), np.eye(3))
+    assert slid == pytest.approx([0.1, 0.0, 0.0], abs=1e-6)
+
+
+# The arm
+
+
+def test_the_hand_stays_in_the_box_whatever_is_commanded():
+    low, high = np.array([-0.45, -0.45, 0.2]), np.array([0.45, 0.45, 0.45])
+    box = {"lower": low.tolist(), "upper": high.tolist()}
+    table = Rehearsal(speed_scale=0.3, workspace=box)
+    rng, speeds = np.random.default_rng(0), []
+    for push in rng.choice([-1.0, 1.0], (30, 6)).repeat(10, axis=0):
+        table.observe()
+        allowed = table.arm.allowed(push * table.arm.about.speed_limits)
+        speeds.append(np.linalg.norm(table.arm.hand_velocity(allowed)))
+        table.advance(allowed)
+        hand = table.plant.hand_pose[:3]
+        assert np.all(hand > low - 0.01) and np.all(hand < high + 0.01)
+    assert max(speeds) > 0.1, "it did move"
+
+
+def test_the_speed_scale_slows_the_arm():
+    table = Rehearsal(speed_scale=0.25)
+    table.arm.submit(ProgramRequest("p", "NEAR(HAND, RED)"))
+    table.observe()
+    velocity = table.arm.velocity(table.command(np.full(6, 7.0)), table.stamp_ns)
+    assert velocity == pytest.approx(0.25 * np.array(CONFIG.joint_speed_limits))
+
+
+@pytest.mark.parametrize(
+    ("lost", "after_s", "code", "named"),
+    [
+        ("joints", 0.3, "robot.joints", "joint_states"),
+        ("hand", 0.3, "robot.poses", "hand"),
+        (NAMES[2], 0.6, "robot.poses", NAMES[2]),
+    ],
+)
+def test_what_is_lost_stops_the_observations_and_is_named(lost, after_s, code, named):
+    table = Rehearsal()
+    table.observe()
+    table.lost.add(lost)
+    for _ in range(round(after_s / PERIOD_S)):
+        table.advance(np.zeros(6))
+    found, text = refused(table.observe)
+    assert found == code and named in text
+    table.lost.clear()
+    table.advance(np.zeros(6))
+    table.observe()
+
+
+def test_a_wrong_joint_map_is_found_before_the_arm_moves():
+    joints = [{"name": f"joint_{i}", "sign": -1 if i == 2 else 1} for i in range(1, 7)]
+    assert refused(Rehearsal(joints=joints).observe)[0] == "robot.model"
+
+
+def test_whole_turns_between_driver_and_model_do_not_matter():
+    joints = [{"name": f"joint_{i}", "offset": 0.0 if i == 1 else 2 * np.pi} for i in range(1, 7)]
+    one, other = Rehearsal().observe(), Rehearsal(joints=joints).observe()
+    turned = one.observation.joint_position, other.observation.joint_position
+    assert turned[0] == pytest.approx(turned[1])
+
+
+def test_a_command_that_answers_no_recent_observation_moves_nothing():
+    table = Rehearsal()
+    table.observe()
+    command = table.command(np.ones(6))
+    assert refused(table.arm.velocity, command, table.stamp_ns)[0] == "command.stale"  # no program
+    table.arm.submit(ProgramRequest("p", "NEAR(HAND, RED)"))
+    table.arm.velocity(command, table.stamp_ns)
+    assert refused(table.arm.velocity, command, table.stamp_ns + 10**9)[0] == "command.stale"
+
+
+@pytest.mark.parametrize("text", ["NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, NOT(OR(RED, GREEN)))"])
+def test_the_shipped_agent_reaches_what_a_program_names(text):
+    actor = Actor.of(load_policy(Path("shipped:3-D")))
+    assert all(Rehearsal(index).execute(text, actor) for index in range(3))
