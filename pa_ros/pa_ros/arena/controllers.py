@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from math import atan2, hypot
 
@@ -40,7 +41,9 @@ def hand_controller(config: ArenaConfig) -> HandController:
                 Frame(position, rotation, zero, joint.lower, joint.upper, free, float(speed))
             )
         body = int(model.body_parentid[body])
-    return HandController(tuple(links[::-1]), config.hand_speed, config.control_period_s)
+    known = HandController(tuple(links[::-1]), config.hand_speed, config.control_period_s, 0.0)
+    start = known.hand([joint.start for joint in joints])
+    return replace(known, heading=round(start.heading, DIGITS))
 
 
 def joints_at(config: ArenaConfig, x: float, y: float, z: float) -> Joints:
@@ -63,10 +66,11 @@ def _joints_at(config: ArenaConfig, radius: float, z: float) -> tuple[Joints, fl
     joints = np.array([joint.start for joint in ARMS[config.arm].joints])
     low, high = np.array(config.joint_lower), np.array(config.joint_upper)
     for _ in range(POSE_TRIES):
-        place, axis, jacobian = controller.hand(joints)
+        hand = controller.hand(joints)
+        place = hand.place
         outward = place[:2] / hypot(*place[:2])
         moving = np.array([*outward * (radius - hypot(*place[:2])), z - place[2]])
-        joints = np.clip(joints + controller.solve(moving, axis, jacobian, joints) * 0.5, low, high)
+        joints = np.clip(joints + controller.solve(moving, hand, joints) * 0.5, low, high)
     place, _, jacobian = controller.hand(joints)
     direction = 1 if place[0] * jacobian[1, 0] > place[1] * jacobian[0, 0] else -1
     return tuple(joints.tolist()), atan2(place[1], place[0]), direction

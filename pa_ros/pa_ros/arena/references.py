@@ -95,8 +95,7 @@ def _rates(task: ReachTask, error: Float64) -> Float64:
 def _hand_velocity(task: ReachTask, velocity: Float64) -> Float64:
     """Joint velocities (rad/s, [J]) for the hand's velocity [3] (m/s), pointing down."""
     controller, joints = hand_controller(task.config), task.simulation.joint_position
-    _, axis, jacobian = controller.hand(joints)
-    found = controller.solve(velocity, axis, jacobian, joints)
+    found = controller.solve(velocity, controller.hand(joints), joints)
     return found / max(1.0, float(np.max(np.abs(found) / controller.speed_limits)))
 
 

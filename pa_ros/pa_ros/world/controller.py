@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from math import cos, hypot, sin
-from typing import Any, ClassVar
+from math import atan2, cos, hypot, sin
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -50,24 +50,42 @@ class Frame:
         return np.array(self.rotation).reshape(3, 3)
 
 
+class Hand(NamedTuple):
+    """Where an arm's hand is, and how its joints move it."""
+
+    place: Float64  # [3], m in the base's frame
+    turn: Float64  # [3, 3], its axes as columns
+    jacobian: Float64  # [6, J] of its position (m/rad) and orientation
+
+    @property
+    def heading(self) -> float:
+        """The direction of the hand's x axis, seen from above, less that of the hand itself seen
+        from the base: rad in [-π, π]."""
+        turned = atan2(self.turn[1, 0], self.turn[0, 0]) - atan2(self.place[1], self.place[0])
+        return atan2(sin(turned), cos(turned))
+
+
 @dataclass(frozen=True)
 class HandController:
-    """Moves the hand at a wanted velocity and keeps it pointing down, by damped least squares.
+    """Moves the hand at a wanted velocity, pointing down, by damped least squares.
 
     An action [3] in [-1, 1] is the hand's velocity away from the base's axis, about it (to the
-    left) and up, as parts of `hand_speed`.
+    left) and up, as parts of `hand_speed`. The hand turns with its direction from the base, so that
+    an action always moves it the same way in its own frame.
     """
 
     links: tuple[Frame, ...]  # from the base to the hand
     hand_speed: float  # m/s
     period_s: float  # of a command
+    heading: float  # rad, of the hand (`Hand.heading`), which is kept
 
     # The space that the hand does not leave: m from the base's axis, and above the table. Its
     # lowest height is that at which it pushes blocks.
     RADII: ClassVar[tuple[float, float]] = (0.18, 0.66)
     HEIGHTS: ClassVar[tuple[float, float]] = (0.08, 0.40)
-    UPRIGHT_RATE: ClassVar[float] = 3.0  # 1/s at which the hand turns back to pointing down
-    UPRIGHT_WEIGHT: ClassVar[float] = 0.2  # m: how much turning counts beside moving
+    TURN_RATE: ClassVar[float] = 3.0  # 1/s at which the hand turns back, down and to its heading
+    TURN_WEIGHT: ClassVar[float] = 0.2  # m: how much turning counts beside moving
+    HEADING_SPEED: ClassVar[float] = 0.6  # rad/s, at most, at which it turns back to its heading
     DAMPING: ClassVar[float] = 0.03  # m
     SLACK_RAD: ClassVar[float] = 0.02  # a joint this close to its limit is not moved further
 
@@ -89,9 +107,8 @@ class HandController:
         lower, upper = np.array(ends).T
         return lower, upper
 
-    def hand(self, joint_position: Sequence[float] | Float64) -> tuple[Float64, Float64, Float64]:
-        """The hand's position [3] and z axis [3] in the base's frame, and the Jacobian [6, J] of
-        its position (m/rad) and orientation."""
+    def hand(self, joint_position: Sequence[float] | Float64) -> Hand:
+        """The hand at joint positions (rad, [J])."""
         angles = iter(joint_position)
         place, turn = np.zeros(3), np.eye(3)
         places, axes = [], []
@@ -106,31 +123,36 @@ class HandController:
                 turn = turn @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         along = np.array(axes)
         moves = _cross(along, place - np.array(places))
-        return place, turn[:, 2], np.concatenate([moves, along], 1).T
+        return Hand(place, turn, np.concatenate([moves, along], 1).T)
 
     def joint_action(self, action: Float32, joint_position: Float64) -> Float32:
         """Joint velocities, as parts of the speed limits, that move the hand as `action` says."""
-        place, axis, jacobian = self.hand(joint_position)
+        hand = self.hand(joint_position)
+        x, y, z = hand.place.tolist()
         # On the base's axis the hand has no azimuth, so close to it all motions become smaller.
-        radius = max(hypot(place[0], place[1]), 0.05)
-        c, s = place[0] / radius, place[1] / radius
+        radius = max(hypot(x, y), 0.05)
+        c, s = x / radius, y / radius
         out, left, up = np.clip(action.astype(np.float64), -1.0, 1.0) * self.hand_speed
         (near, far), (low, high), period = self.RADII, self.HEIGHTS, self.period_s
         out = min(max(out, (near - radius) / period), (far - radius) / period)
-        up = min(max(up, (low - place[2]) / period), (high - place[2]) / period)
+        up = min(max(up, (low - z) / period), (high - z) / period)
         moving = np.array([c * out - s * left, s * out + c * left, up])
-        velocity = self.solve(moving, axis, jacobian, joint_position)
+        velocity = self.solve(moving, hand, joint_position)
         # All joints are slowed alike, so that the hand keeps its direction.
         excess = max(1.0, float(np.max(np.abs(velocity) / self.speed_limits)))
         return (velocity / excess / self.speed_limits).astype(np.float32)
 
-    def solve(
-        self, moving: Float64, axis: Float64, jacobian: Float64, joint_position: Float64
-    ) -> Float64:
+    def solve(self, moving: Float64, hand: Hand, joint_position: Float64) -> Float64:
         """Joint velocities (rad/s, [J], not limited) for the hand's velocity [3] (m/s)."""
-        upright = np.array([-axis[1], axis[0]]) * self.UPRIGHT_RATE  # axis × down
-        rates = np.concatenate([moving, self.UPRIGHT_WEIGHT * upright])
-        rows = np.concatenate([jacobian[:3], self.UPRIGHT_WEIGHT * jacobian[3:5]])
+        (x, y, _), axis = hand.place.tolist(), hand.turn[:, 2]
+        error = self.heading - hand.heading
+        back = self.TURN_RATE * atan2(sin(error), cos(error))
+        back = min(max(back, -self.HEADING_SPEED), self.HEADING_SPEED)
+        with_place = (x * moving[1] - y * moving[0]) / max(x * x + y * y, 0.05**2)
+        down = np.array([-axis[1], axis[0]]) * self.TURN_RATE  # axis × down
+        turning = np.array([*down, with_place + back])
+        rates = np.concatenate([moving, self.TURN_WEIGHT * turning])
+        rows = np.concatenate([hand.jacobian[:3], self.TURN_WEIGHT * hand.jacobian[3:]])
         lower, upper = self.ranges
         damping = self.DAMPING**2 * np.eye(len(rows))
         for _ in range(2):  # the second time without the joints at their limits
@@ -152,7 +174,7 @@ class HandController:
             Frame(**{**one, "position": tuple(one["position"]), "rotation": tuple(one["rotation"])})
             for one in data["links"]
         )
-        return cls(links, float(data["hand_speed"]), float(data["period_s"]))
+        return cls(links, *(float(data[name]) for name in ("hand_speed", "period_s", "heading")))
 
 
 def _cross(a: Float64, b: Float64) -> Float64:
