@@ -127,7 +127,7 @@ Network make_canonical(int hidden, int arm_features, int actions, const std::vec
 Batch make_batch(const Network& network, const Array& objects, const Array& arm, const Array& action,
                  const Array& next_objects, const Array& next_arm, const Array& program,
                  const Array& reward, const Array& discount, int hand_index,
-                 double correction1, double correction2) {
+                 double correction1, double correction2, double rate_share) {
     if (objects.ndim() != 3 || program.ndim() != 2)
         throw Error("expected objects [B, N, F] and program [B, K], got " +
                     text_of(shape_of(objects)) + " and " + text_of(shape_of(program)));
@@ -140,6 +140,7 @@ Batch make_batch(const Network& network, const Array& objects, const Array& arm,
     made.transitions = (int32_t)b, made.objects = (int32_t)n, made.programs = (int32_t)k;
     made.hand_index = hand_index;
     made.correction1 = correction1, made.correction2 = correction2;
+    made.rate_share = rate_share;
     made.object = read<float>("objects", objects, {b, n, network.object_features});
     made.arm = read<float>("arm", arm, {b, network.arm_features});
     made.action = read<float>("action", action, {b, network.actions});
@@ -304,16 +305,17 @@ void bind_engine(nb::module_& m) {
             [](Engine& engine, const Array& objects, const Array& arm, const Array& action,
                const Array& next_objects, const Array& next_arm, const Array& program,
                const Array& reward, const Array& discount, int hand_index,
-               double correction1, double correction2) {
-                const Batch batch =
-                    make_batch(engine.actor().shape, objects, arm, action, next_objects, next_arm,
-                               program, reward, discount, hand_index, correction1, correction2);
+               double correction1, double correction2, double rate_share) {
+                const Batch batch = make_batch(
+                    engine.actor().shape, objects, arm, action, next_objects, next_arm, program,
+                    reward, discount, hand_index, correction1, correction2, rate_share);
                 const nb::gil_scoped_release released;
                 return engine.update(batch);
             },
             nb::kw_only(), "objects"_a, "arm"_a, "action"_a, "next_objects"_a, "next_arm"_a,
             "program"_a, "reward"_a, "discount"_a, "hand_index"_a, "correction1"_a,
-            "correction2"_a, "The corrections are of Adam's moments, 1 - beta^step.");
+            "correction2"_a, "rate_share"_a = 1.0,
+            "The corrections are of Adam's moments, 1 - beta^step; the share is of both rates.");
 }
 
 void bind_actor(nb::module_& m) {

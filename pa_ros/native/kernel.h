@@ -34,6 +34,7 @@ struct Batch {
     const int32_t* program;
     const float *reward, *discount;
     double correction1, correction2;  // of Adam's moments, 1 - beta^step
+    double rate_share = 1.0;          // of both learning rates
     Table table;
 };
 

@@ -219,9 +219,10 @@ inline void apply(Learner& g, const Batch& batch, int index) {
     const Layout actor = layout_of(g.actor_shape), critic = layout_of(g.critic_shape);
     const Settings& s = g.settings;
     const auto step = s.sparsity > 0 || !s.detector_bias ? adam<true> : adam<false>;
-    step(g, g.critic, critic, s.critic_rate, batch, index, false);
+    const double share = batch.rate_share;
+    step(g, g.critic, critic, share * s.critic_rate, batch, index, false);
     g.thread[index].squared_gradient =
-        step(g, g.actor, actor, s.actor_rate, batch, index, true);
+        step(g, g.actor, actor, share * s.actor_rate, batch, index, true);
 }
 
 inline Metrics metrics(const Learner& g, const Batch& batch) {

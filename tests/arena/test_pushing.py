@@ -179,7 +179,9 @@ def test_the_controller_knows_the_arm_and_moves_its_hand(arm: str) -> None:
         moved = away[:2] @ radial, away[1] * radial[0] - away[0] * radial[1], away[2]
         assert int(np.abs(moved).argmax()) == int(np.abs(action).argmax())
         assert np.dot(moved, action) > 0.01
-    place, axis, _ = controller.hand(joints_at(config, 0.3, -0.3, 0.085))
+    hand = controller.hand(joints_at(config, 0.3, -0.3, 0.085))
+    place, axis = hand.place, hand.turn[:, 2]
+    assert abs(hand.heading - controller.heading) < 0.05
     np.testing.assert_allclose(place, (0.3, -0.3, 0.085), atol=0.01)
     assert axis[2] < -0.99
 

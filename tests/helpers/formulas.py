@@ -196,10 +196,11 @@ class StraightforwardEngine:
     def update(self, batch: Batch) -> None:
         """Both gradients at the parameters before it."""
         gradients, optimizer = self.gradients(batch), self._config.optimizer
+        share = 0.5 ** (self._steps / optimizer.half_life) if optimizer.half_life else 1.0
         self._steps += 1
         for name, rate in (("actor", optimizer.actor_rate), ("critic", optimizer.critic_rate)):
             for k, gradient in gradients[name].items():
-                self._step(name, k, gradient, rate)
+                self._step(name, k, gradient, share * rate)
 
     def gradients(self, batch: Batch) -> dict[str, Named]:
         """Of the critic's loss, and of minus the actor's objective: Q with its slope clipped."""

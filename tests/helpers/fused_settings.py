@@ -81,6 +81,7 @@ def setting(
         if "detectors.weight" in tensors:
             tensors["detectors.weight"] *= scale
     config = dpg(
+        optimizer__half_life=4.0,
         detectors__gain=3.0,
         detectors__sparsity=0.4,
         detectors__free_from=0.2,

@@ -22,6 +22,7 @@ CONFIG = dpg(
     engine__dtype="float64",
     optimizer__actor_rate=1e-3,
     optimizer__critic_rate=2e-3,
+    optimizer__half_life=2.0,
     gradient_clip=CLIP,
     detectors__gain=GAIN,
     detectors__sparsity=SPARSITY,

@@ -19,6 +19,7 @@ from pa_ros.world import REWARDS, Reward, Scoring, Sparse, reward_from
 from pa_ros.world.poses import objects_from_poses
 from pa_ros.world.programs import ProgramTable, crisp_roles
 from pa_ros.world.schema import PUSHING
+from pa_ros.world.scoring import REWARDED
 from pa_ros.world.world import World
 
 
@@ -178,5 +179,7 @@ def test_many_states_of_moved_objects_are_scored_as_one_pair_at_a_time() -> None
                     assert score.measure == pytest.approx(min(near, default=np.inf), abs=1e-5)
                     limit = 0.2 if program.moves_hand else 0.1
                     assert score.satisfied == (score.measure <= limit)
+                    rewarded = limit if program.moves_hand else REWARDED * limit
+                    assert score.reward == (1.0 if score.measure <= rewarded else -1.0)
                 seen[program.relation, bool(score.satisfied)] += 1
     assert len(seen) == 4 and min(seen.values()) >= 5

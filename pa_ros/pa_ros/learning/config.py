@@ -37,10 +37,17 @@ class OptimizerConfig(Settings):
     critic_rate: float = Field(
         3e-4, gt=0, description="learning rate; 1e-3 lets the critic forget the action"
     )
+    half_life: float = Field(
+        0.0, ge=0, description="updates in which both rates become half as large; 0: they stay"
+    )
     # The defaults of Adam's paper (Kingma and Ba 2015), which nobody needed to change.
     beta1: ClassVar[float] = 0.9  # decay of the first moment
     beta2: ClassVar[float] = 0.999  # decay of the second moment
     epsilon: ClassVar[float] = 1e-8  # added to the second moment's root
+
+    def share(self, updates: int) -> float:
+        """What both rates are multiplied by after so many updates."""
+        return float(0.5 ** (updates / self.half_life)) if self.half_life else 1.0
 
 
 class DetectorsConfig(Settings):

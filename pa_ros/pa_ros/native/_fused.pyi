@@ -187,8 +187,10 @@ class Engine:
         The same for canonical networks: each target's words, [P, groups] int32.
         """
 
-    def update(self, *, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], action: Annotated[NDArray, dict(device='cpu', writable=False)], next_objects: Annotated[NDArray, dict(device='cpu', writable=False)], next_arm: Annotated[NDArray, dict(device='cpu', writable=False)], program: Annotated[NDArray, dict(device='cpu', writable=False)], reward: Annotated[NDArray, dict(device='cpu', writable=False)], discount: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, correction1: float, correction2: float) -> Metrics:
-        """The corrections are of Adam's moments, 1 - beta^step."""
+    def update(self, *, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], action: Annotated[NDArray, dict(device='cpu', writable=False)], next_objects: Annotated[NDArray, dict(device='cpu', writable=False)], next_arm: Annotated[NDArray, dict(device='cpu', writable=False)], program: Annotated[NDArray, dict(device='cpu', writable=False)], reward: Annotated[NDArray, dict(device='cpu', writable=False)], discount: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, correction1: float, correction2: float, rate_share: float = 1.0) -> Metrics:
+        """
+        The corrections are of Adam's moments, 1 - beta^step; the share is of both rates.
+        """
 
 class Actor:
     """Actions for one observation at a time."""

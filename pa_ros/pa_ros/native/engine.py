@@ -86,6 +86,7 @@ class FusedEngine:
             detector_bias=network.detectors_have_biases,
             threads=config.engine.threads,
         )
+        self._optimizer = config.optimizer
         self._betas = config.optimizer.beta1, config.optimizer.beta2
         self._trained = {
             "actor": _Trained("actor", actor_network, self._engine.actor, actor),
@@ -119,6 +120,7 @@ class FusedEngine:
             hand_index=HAND_INDEX,
             correction1=correction1,
             correction2=correction2,
+            rate_share=self._optimizer.share(step - 1),
         )
         for trained in self._trained.values():
             trained.step += 1

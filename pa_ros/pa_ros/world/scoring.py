@@ -21,6 +21,11 @@ from pa_ros.world.relation import RELATIONS
 from pa_ros.world.reward import Reward, Sparse
 
 
+# Where programs move objects, the reward counts a relation only within this part of its threshold.
+# An agent learns where the reward begins to within about a centimetre, and would stop outside.
+REWARDED = 0.7
+
+
 class Score(NamedTuple):
     """The verifier's answer for states, each [...], or for one state, as numbers."""
 
@@ -79,7 +84,8 @@ class Scoring:
         """
         threshold = self.threshold(relation, between=moved is not None)
         if moved is not None:
-            return self._score(self._nearest(moved, named, relation, objects, hand_pose), threshold)
+            nearest = self._nearest(moved, named, relation, objects, hand_pose)
+            return self._score(nearest, threshold, REWARDED)
         measures = self._measures(relation, objects, hand_pose)
         # An object that is not named counts as infinitely far, so a program that names none is not
         # satisfied.
@@ -105,7 +111,7 @@ class Scoring:
         pairs = [(i, j) for i in moved for j in targets if i != j]
         first, second = objects[[i for i, _ in pairs]], objects[[j for _, j in pairs]]
         measures = self._measures(relation, second, hand_pose, first).tolist()
-        return self._score(min(measures, default=inf), threshold)
+        return self._score(min(measures, default=inf), threshold, REWARDED)
 
     def threshold(self, relation: str, between: bool = False) -> float:
         """The threshold of a relation of the hand, or `between` two objects; ConfigError lists the
@@ -149,6 +155,6 @@ class Scoring:
         first = None if moved is None else moved[..., :POSE_WIDTH].astype(np.float64)
         return meant.measures(poses, hand, first)
 
-    def _score(self, measure: Any, threshold: float) -> Score:
-        satisfied = measure <= threshold
-        return Score(measure, satisfied, self.reward(satisfied, measure))
+    def _score(self, measure: Any, threshold: float, rewarded: float = 1.0) -> Score:
+        reward = self.reward(measure <= rewarded * threshold, measure)
+        return Score(measure, measure <= threshold, reward)

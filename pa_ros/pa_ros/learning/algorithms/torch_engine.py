@@ -130,6 +130,10 @@ class TorchEngine(ABC):
     def descend(self, name: str, loss: Tensor, gradient: Any = None) -> None:
         """A step of Adam for one network by its loss, or, given dL/dy `gradient`, for L of y."""
         adam = self._adams[name]
+        if self._config.optimizer.half_life:
+            share = self._config.optimizer.share(self.updates(name))
+            for group in adam.param_groups:
+                group["lr"] = group["initial_lr"] * share
         adam.zero_grad()
         torch.autograd.backward(loss, gradient)
         adam.step()
@@ -226,6 +230,7 @@ class TorchEngine(ABC):
         if detectors:
             groups.append({"params": detectors, "lr": rate * config.detectors.gain})
         betas = (config.optimizer.beta1, config.optimizer.beta2)
+        groups = [{**group, "initial_lr": group["lr"]} for group in groups]
         adam = torch.optim.Adam(groups, betas=betas, eps=config.optimizer.epsilon, fused=True)
         for parameter in module.parameters():  # else made by the first step, too late to load
             adam.state[parameter] = {
