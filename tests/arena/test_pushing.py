@@ -105,7 +105,7 @@ def test_some_training_episodes_start_with_the_hand_beside_the_block() -> None:
             near[condition] += beside
             start = np.array(task.episode.arm_start)
             assert beside or np.allclose(start[1:], [*hand_start()][1:])
-    assert 4 <= near["train"] <= 20 and near["eval"] == 0
+    assert 10 <= near["train"] <= 30 and near["eval"] == 0
 
 
 def hand_start() -> tuple[float, ...]:

@@ -20,7 +20,7 @@ class ExplorationConfig(Settings):
         0.0, ge=0, le=1, description="about this share of time, a uniform action is held instead"
     )
     damping: ClassVar[float] = 1.0  # θ, per second (paper)
-    held_steps: ClassVar[int] = 3  # for which such an action is held on average
+    held_steps: ClassVar[int] = 8  # for which such an action is held on average
 
 
 class Schedule(Settings):

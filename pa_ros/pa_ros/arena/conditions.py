@@ -20,7 +20,7 @@ from pa_ros.core.text import did_you_mean
 from pa_ros.language import HAND, And, Expression, Not, Or, Program, Word, parse, satisfying
 
 DEPTHS = (3, 4, 5, 6)  # depths of the longer programs; training programs are 2 deep
-NEAR_STARTS = 0.3  # in training: then random actions push the block, and learning can begin
+NEAR_STARTS = 0.5  # in training: then random actions push the block, and learning can begin
 TRIES = 10_000  # draws of a longer program before it is given up
 
 Denotation = tuple[bool, ...]

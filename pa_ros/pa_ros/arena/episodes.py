@@ -77,7 +77,7 @@ MOVE_M = (0.12, 0.40)  # from the block to the place that it is to be moved to
 MOVE_TO_BLOCK_M = (0.20, 0.45)  # to another block
 PAIRS = 4  # least number of pairs of objects that are so far apart
 NEAR_HAND_M = (0.11, 0.22)  # from the moved block to the hand, if it starts beside it
-NEAR_HAND_HEIGHTS_M = (0.085, 0.15)
+NEAR_HAND_HEIGHT_M = 0.085  # low enough to push
 HAND_GAP_M = 0.10  # between the hand and every block
 PLACE_GAP_M = 0.12  # between a place and every block, so that no block is near it at the start
 PLACES_APART_M = 0.16
@@ -121,8 +121,7 @@ def _moving_episode(
     if moved is not None and rng.random() < condition.near_starts:
         spot = _near(config, block_spots[0], NEAR_HAND_M, block_spots, HAND_GAP_M, rng)
         if spot is not None:
-            heights = NEAR_HAND_HEIGHTS_M
-            start = joints_at(config, *spot, heights[int(rng.integers(len(heights)))])
+            start = joints_at(config, *spot, NEAR_HAND_HEIGHT_M)
     objects = [
         Block(chosen[i], spots[i][0], spots[i][1], float(rng.uniform(-pi, pi)))
         for chosen, spots in ((blocks, block_spots), (places, place_spots))

@@ -54,7 +54,7 @@ _PUSH: Values = {
     "learner.optimizer.half_life": 40_000,
     "learner.updates.discount": 0.97,
     "learner.exploration.sigma": 0.2,
-    "learner.exploration.held": 0.2,
+    "learner.exploration.held": 0.3,
     "learner.detectors.sparsity": 0.1,
     "learner.relabeling.property_dropout": 0.0,
     "network.critic_output_bias": -33.0,
