@@ -56,7 +56,7 @@ def replay() -> ReplayBuffer:
 
 
 def hindsight(**shares: float) -> Hindsight:
-    return Hindsight(PROGRAMS, PUSH, Scoring(), HindsightConfig(**shares))
+    return Hindsight(PROGRAMS, PUSH, Scoring(), HindsightConfig(**({"either": 0} | shares)))
 
 
 def places(drawn: Transitions) -> tuple[np.ndarray, np.ndarray]:
@@ -69,18 +69,21 @@ def places(drawn: Transitions) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_rewards_are_the_verifiers_of_the_moved_places(replay: ReplayBuffer) -> None:
-    drawn = hindsight().draw(np.random.default_rng(1), replay, 500)
+    made = hindsight(either=0.5)
+    drawn = made.draw(np.random.default_rng(1), replay, 500)
     table = ProgramTable(WORDS)
-    for program in PROGRAMS:
+    for program in made.programs:
         table.add(program)
     truth = PUSH.truth(drawn.next_objects[0]).T
     moved, named = crisp_roles(table.arrays(), table.roles(), truth, HAND_INDEX).swapaxes(0, 1)
     for row, program in enumerate(drawn.program):
-        of_hand = PROGRAMS[program].moves_hand
+        of_hand = made.programs[program].moves_hand
         score = Scoring()(named[program], drawn.next_objects[row], "NEAR",
                           moved=None if of_hand else moved[program])  # fmt: skip
         assert drawn.reward[row] == score.reward
-    assert set(drawn.program) == set(range(len(PROGRAMS)))
+    assert set(drawn.program) == set(range(len(made.programs)))
+    texts = set(map(str, made.programs[len(PROGRAMS) :]))
+    assert {"NEAR(OR(AND(RED, SPHERE), CUBE), PLACE)", "NEAR(HAND, OR(CUBE, PLACE))"} <= texts
     assert {-1.0, 1.0} == set(drawn.reward)
 
 

@@ -9,13 +9,15 @@ block went: places near the named block would not tell which block a program nam
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.core.update import HAND_INDEX
-from pa_ros.language import Program
+from pa_ros.language import Or, Program
 from pa_ros.learning.config import HindsightConfig
 from pa_ros.learning.relabeling.kinds import Kinds
 from pa_ros.learning.replay_buffer.buffer import Int64, ReplayBuffer
@@ -54,7 +56,8 @@ class Transitions:
 
 
 class Hindsight:
-    """Draws transitions with one of the P training programs each."""
+    """Draws transitions with one of P programs each: the training programs, then those in which one
+    argument is an OR of two of theirs."""
 
     def __init__(
         self,
@@ -64,14 +67,23 @@ class Hindsight:
         config: HindsightConfig,
     ) -> None:
         self._table = ProgramTable(world.vocabulary)
-        for program in programs:
+        joined = {
+            (i, j): either
+            for i, j in combinations(range(len(programs)), 2)
+            if (either := _either(programs[i], programs[j])) is not None
+        }
+        self.programs = (*programs, *joined.values())
+        for program in self.programs:
             self._table.add(program)
+        self._joined = np.full((len(programs), len(programs)), -1, np.int32)  # rows of ORs
+        for row, (i, j) in enumerate(joined, start=len(programs)):
+            self._joined[i, j] = self._joined[j, i] = row
         self._world, self._scoring, self._config = world, scoring, config
         kinds = Kinds(world)
-        self._sets = kinds.sets(self._table)  # [P, 2, kinds]
+        self._sets = kinds.sets(self._table)[: len(programs)]  # [P, 2, kinds]
         self._body = world.schema.bodies(kinds.features)  # [kinds]
         self._relations = self._table.relations()
-        self._hand_moves = np.array([p.moves_hand for p in self._table.programs])
+        self._hand_moves = np.array([p.moves_hand for p in self.programs])
 
     def draw(self, rng: np.random.Generator, replay: ReplayBuffer, size: int) -> Transitions:
         """Draw transitions, programs and places. A transition whose scene none of the programs fits
@@ -85,11 +97,15 @@ class Hindsight:
         wanted = fits & (about | (block == HAND_INDEX)[:, None])
         # No program is about the block that moved: then any that fits the scene.
         wanted = np.where(wanted.any(-1, keepdims=True), wanted, fits)
-        # The largest of equal random keys is a uniform draw, in one pass over the batch.
-        keys = np.where(wanted, rng.random(wanted.shape), -1.0)
-        program = keys.argmax(-1).astype(np.int32)
-        chosen = sets[np.arange(size), program]  # [B, 2, N]
-        self._move_places(rng, replay, drawn, chosen, self._body[kinds])
+        program, every = _one_of(rng, wanted), np.arange(size)
+        chosen = sets[every, program]  # [B, 2, N]
+        # At times also another program that fits, joined by OR.
+        others = fits & (self._joined[program] >= 0)
+        rows = np.flatnonzero(others.any(-1) & (rng.random(size) < self._config.either))
+        other = _one_of(rng, others[rows])
+        chosen[rows] |= sets[rows, other]
+        program[rows] = self._joined[program[rows], other]
+        self._move_places(rng, replay, drawn, chosen, self._body[kinds], block)
         known = fits.any(-1)
         reward = self._reward(drawn, program, chosen)
         drawn.program = np.where(known, program, drawn.program)
@@ -114,8 +130,9 @@ class Hindsight:
         """The two sets of every program in every scene, [B, P, 2, N], of its kinds [B, N]."""
         sets = self._sets[..., kinds]  # [P, 2, B, N]
         sets[..., HAND_INDEX] = False
-        sets[self._hand_moves, 0] = False
-        sets[self._hand_moves, 0, :, HAND_INDEX] = True
+        of_hand = self._hand_moves[: len(sets)]
+        sets[of_hand, 0] = False
+        sets[of_hand, 0, :, HAND_INDEX] = True
         return sets.transpose(2, 0, 1, 3)
 
     def _move_places(
@@ -125,10 +142,12 @@ class Hindsight:
         drawn: Transitions,
         sets: Bools,
         bodies: Bools,
+        moved: Int64,
     ) -> None:
-        """Move the place that a program names to where what it moves later was, or another block.
+        """Move a place that a program names to where what it moves later was, or another block.
 
-        `sets` are the program's, [B, 2, N]; `bodies` [B, N] says what has a body.
+        `sets` are the program's, [B, 2, N]; `bodies` [B, N] says what has a body; `moved` [B] is
+        the block for which the program was drawn, or the hand.
         """
         config, every = self._config, np.arange(len(sets))
         # Only places may be moved afterwards: a block elsewhere would have changed what happened.
@@ -136,7 +155,9 @@ class Hindsight:
         rows = np.flatnonzero(places.any(-1) & (rng.random(len(sets)) < config.future))
         if not len(rows):
             return
-        place, who = places[rows].argmax(-1), sets[rows, 0].argmax(-1)
+        place = (places[rows] * rng.random(places[rows].shape)).argmax(-1)
+        who = (sets[rows, 0] * rng.random(places[rows].shape)).argmax(-1)
+        who = np.where(sets[rows, 0, moved[rows]], moved[rows], who)
         others = bodies[rows]
         others[:, HAND_INDEX] = False
         others[every[: len(rows)], who] = False
@@ -174,6 +195,22 @@ class Hindsight:
                 score = self._scoring(sets[rows, 1], objects[rows], name, hands[rows], moved)
                 reward[rows] = score.reward
         return reward
+
+
+def _one_of(rng: np.random.Generator, wanted: Bools) -> NDArray[np.int32]:
+    """A column of each row [B, P] that is wanted, [B]: the largest of equal random keys."""
+    return np.where(wanted, rng.random(wanted.shape), -1.0).argmax(-1).astype(np.int32)
+
+
+def _either(one: Program, two: Program) -> Program | None:
+    """The program that an OR in one argument makes of two that differ in that argument alone."""
+    if one.relation != two.relation:
+        return None
+    if one.moved == two.moved:
+        return replace(one, target=Or((one.target, two.target)))
+    if one.target == two.target and not (one.moves_hand or two.moves_hand):
+        return replace(one, moved=Or((one.moved, two.moved)))
+    return None
 
 
 def _hand(arm: Float32) -> Float64:

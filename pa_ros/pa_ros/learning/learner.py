@@ -97,6 +97,8 @@ class Learner:
                         f"move objects, got {count}"
                     )
                 self._hindsight = Hindsight(*asked, config.hindsight)
+                for program in self._hindsight.programs:
+                    self._row(program)
             else:
                 self._relabeler = Relabeler(*asked)
         self._dropout = None
