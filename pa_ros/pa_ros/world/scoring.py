@@ -20,7 +20,6 @@ from pa_ros.world.poses import POSE_WIDTH
 from pa_ros.world.relation import RELATIONS
 from pa_ros.world.reward import Reward, Sparse
 
-
 # Where programs move objects, the reward counts a relation only within this part of its threshold.
 # An agent learns where the reward begins to within about a centimetre, and would stop outside.
 REWARDED = 0.7
