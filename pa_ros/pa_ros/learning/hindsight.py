@@ -199,7 +199,8 @@ class Hindsight:
 
 def _one_of(rng: np.random.Generator, wanted: Bools) -> NDArray[np.int32]:
     """A column of each row [B, P] that is wanted, [B]: the largest of equal random keys."""
-    return np.where(wanted, rng.random(wanted.shape), -1.0).argmax(-1).astype(np.int32)
+    keys = np.where(wanted, rng.random(wanted.shape), -1.0)
+    return np.asarray(keys.argmax(-1), np.int32)
 
 
 def _either(one: Program, two: Program) -> Program | None:

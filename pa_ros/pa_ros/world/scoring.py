@@ -83,8 +83,8 @@ class Scoring:
         """
         threshold = self.threshold(relation, between=moved is not None)
         if moved is not None:
-            nearest = self._nearest(moved, named, relation, objects, hand_pose)
-            return self._score(nearest, threshold, REWARDED)
+            pair = self._nearest(moved, named, relation, objects, hand_pose)
+            return self._score(pair, threshold, REWARDED)
         measures = self._measures(relation, objects, hand_pose)
         # An object that is not named counts as infinitely far, so a program that names none is not
         # satisfied.
