@@ -2,11 +2,12 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 
 from helpers.graph import graph
-from pa_ros.arena import ArenaConfig, design_named
+from pa_ros.arena import ArenaConfig, design_named, preset_named, training_programs
 from pa_ros.arena.task import world_of
 from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
@@ -14,7 +15,7 @@ from pa_ros.language import parse, require_target
 from pa_ros.ros import topics
 from pa_ros.tools.client import spin_with_notice
 from pa_ros.tools.monitor import GraphFigures
-from pa_ros.tools.scenes import Scene, SceneFigures
+from pa_ros.tools.scenes import Scene, SceneFigures, suggested_programs
 from pa_ros.wire.arena import describe_robot, encode_arena_info
 from pa_ros.wire.program import ProgramRequest, encode_program
 from pa_ros.wire.services import ResetRequest, encode_reset
@@ -60,6 +61,19 @@ def test_samples_show_blocks_program_and_distance_of_an_arena_that_waits():
         outcome = probe.call(topics.RESET, encode_reset(ResetRequest(episode=7)))
         assert outcome.success
         assert probe.until(lambda: scene.episode == 7 and scene.names != before)
+
+
+def test_where_blocks_can_be_moved_programs_that_move_one_are_suggested_first():
+    design = design_named("push-2")
+    world = world_of(preset_named(design.preset), design)
+    about = describe_robot(world, {f"joint_{i}": 1.0 for i in range(world.joints)}, 0.1)
+    about = replace(about, training_programs=training_programs(design))
+    found = suggested_programs(about, ("RED CUBE", "BLUE CYLINDER", "RED PLACE"))
+    to_block, to_place = found[:2]
+    assert to_block == "NEAR(AND(RED, CUBE), AND(BLUE, CYLINDER))"
+    assert to_place == "NEAR(AND(BLUE, CYLINDER), AND(RED, PLACE))"
+    moves_hand = [parse(text, world.vocabulary).moves_hand for text in found]
+    assert moves_hand == sorted(moves_hand) and moves_hand[-1]
 
 
 @pytest.mark.graph

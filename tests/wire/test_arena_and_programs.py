@@ -46,6 +46,11 @@ ARENA = replace(
 )
 
 
+def test_near_between_two_objects_has_its_own_threshold():
+    texts = "NEAR(HAND, RED)", "NEAR(RED, BLUE)", "ABOVE(HAND, RED)"
+    assert [ARENA.threshold(text) for text in texts] == [0.2, 0.1, None]
+
+
 def test_an_arena_survives_the_wire():
     assert decode_arena_info(encode_arena_info(ARENA)) == ARENA
 

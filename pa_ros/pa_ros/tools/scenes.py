@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -122,7 +123,10 @@ class SceneFigures:
 
 
 def suggested_programs(arena: ArenaDescription, names: Iterable[str]) -> tuple[str, ...]:
-    """Up to MAX_SUGGESTIONS programs that name one of the blocks with these names."""
+    """Up to MAX_SUGGESTIONS programs that name some of the blocks with these names.
+
+    Where blocks can be moved, programs that move one come first.
+    """
     vocabulary, blocks = arena.world.vocabulary, [set(name.split()) for name in names]
     whole, parts = [], []
     groups, near = vocabulary.by_group.values(), vocabulary.relations[0]
@@ -130,12 +134,16 @@ def suggested_programs(arena: ArenaDescription, names: Iterable[str]) -> tuple[s
         words = [next((w for w in group if w in block), "") for group in groups]
         known = [word for word in words if word]
         if len(known) == len(words) > 1:
-            whole.append(f"{near}(HAND, AND({', '.join(reversed(known))}))")
+            whole.append(f"AND({', '.join(reversed(known))})")
         parts += [f"{near}(HAND, {word})" for word in known]
         # One negation of each block is enough to show that there are such programs.
         parts += [f"{near}(HAND, NOT({word}))" for word in known[:1]]
+    # In a scene blocks come before places: each of these moves one to the next.
+    pushes = [f"{near}({one}, {other})" for one, other in pairwise(whole)]
+    pushes += [str(program) for program in arena.training_programs if not program.moves_hand]
+    reaches = [f"{near}(HAND, {one})" for one in whole]
     found: dict[str, None] = {}
-    for text in (*whole, *map(str, arena.training_programs), *parts):
+    for text in (*pushes, *reaches, *map(str, arena.training_programs), *parts):
         try:
             require_target(parse(text, vocabulary), blocks, None, vocabulary.bodiless)
         except PaError:

@@ -14,7 +14,7 @@ from uuid import uuid4
 import numpy as np
 
 from msgs_schema import msg
-from pa_ros.language import Program, parse
+from pa_ros.language import HAND, Program, parse
 from pa_ros.wire import WireError
 from pa_ros.wire.fields import copy_fields, fields_of, float64_field, read_stamp, write_stamp
 from pa_ros.world import Sparse
@@ -68,8 +68,11 @@ class ArenaDescription:
 
     def threshold(self, program: str) -> float | None:
         """Where the relation of a program's text begins to hold; None if it is of another world."""
-        thresholds = dict(zip(self.world.relations, self.thresholds, strict=True))
-        return thresholds.get(program.partition("(")[0])
+        relation, _, sets = program.partition("(")
+        own = dict(zip(self.world.relations, self.thresholds, strict=True)).get(relation)
+        if own is None or sets.startswith(f"{HAND.name},"):
+            return own
+        return RELATIONS[relation].between or own
 
 
 def describe_robot(
