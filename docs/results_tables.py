@@ -13,11 +13,14 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from statistics import fmean, median
 
+import numpy as np
+
 from pa_ros.evaluation.detectors import Accuracy
 from pa_ros.evaluation.equalities import Difference
 from pa_ros.evaluation.experiments import SOLVED, SeedSummary
 from pa_ros.evaluation.generalization import CONDITIONS, Summary
 from pa_ros.evaluation.generalization_figures import in_words
+from pa_ros.evaluation.pushing import EndsRow
 from pa_ros.evaluation.tables import read_curves, read_rows, read_setting
 from pa_ros.evaluation.variants import Variant
 
@@ -66,6 +69,51 @@ VARIANTS = {  # tag of the tables: what is undone
     "warmup-1000": "late first update",
     "no-dropout.warmup-1000": "hidden properties and late first update",
 }
+PUSHING = {  # tables of seeds in which blocks are moved
+    "push-2": "push-2",
+    "push-3D": "push-3D",
+    "push-2-pairs": "push-2, also trained on pairs of blocks",
+    "push-2-sides": "push-2, five relations",
+    "push-2.push-joints-arm": "push-2, joint velocities",
+    "push-2.push-slow-arm": "push-2, slow arm",
+}
+ONE_PROPERTY = (
+    *(f"{role}-{way}" for role in ("moved", "target") for way in (
+        "only-color", "only-shape", "not-color", "not-shape", "or")),
+    "depth-3",
+)  # fmt: skip
+NEW = tuple(f"{role}-new-{group}" for role in ("moved", "target") for group in ("color", "shape"))
+BETWEEN = tuple(f"pairs-{side}" for side in ("left-of", "right-of", "behind", "in-front-of"))
+BLOCKS = tuple(f"blocks-{count}" for count in (3, 4, 5, 6))
+CLAIMS = (  # in words, aim, table, conditions
+    ("trained pairs", 0.97, "push-2", ("train",)),
+    ("held-out pairs", 0.95, "push-2", ("eval",)),
+    ("to another block, trained on places alone", 0.85, "push-2", ("pairs",)),
+    ("to another block, trained too: held-out pairs", 0.93, "push-2-pairs", ("pairs-eval",)),
+    ("one property, NOT, OR in either argument; depth 3", 0.9, "push-2", ONE_PROPERTY),
+    ("3 and 4 blocks on the table", 0.85, "push-2", BLOCKS),
+    ("reaching, of the script's score", 0.95, "push-2", ("reach", "reach-eval")),
+    ("trained pairs, 3 × 3 kinds", 0.97, "push-3D", ("train",)),
+    ("held-out pairs, 3 × 3 kinds", 0.95, "push-3D", ("eval",)),
+    ("to another block, 3 × 3 kinds", 0.85, "push-3D", ("pairs",)),
+    ("one property, NOT, OR; depth 3; 3 × 3 kinds", 0.9, "push-3D", ONE_PROPERTY),
+    ("3 to 6 blocks on the table", 0.85, "push-3D", BLOCKS),
+    ("new shape or color in either argument", 0.8, "push-3D", NEW),
+    ("other relations between blocks", 0.85, "push-2-sides", BETWEEN),
+    ("joint velocities, to places", 0.9, "push-2.push-joints-arm", ("eval",)),
+    ("joint velocities, to blocks", 0.85, "push-2.push-joints-arm", ("pairs",)),
+    ("slow arm", 0.85, "push-2.push-slow-arm", ("eval",)),
+)
+UNDONE = {  # tags of variants of push-2
+    "": "nothing",
+    "no-hindsight": "places moved afterwards",
+    "no-moved": "half of each batch where a block moved",
+    "no-cross": "places where another block went",
+    "no-held": "random actions that are held",
+    "no-upper": "a layer above h",
+    "detector-gain-1": "faster detectors",
+}
+NOTHING = "–"  # not measured
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -243,10 +291,118 @@ def peers() -> str:
     return table(head, rows)
 
 
+def ends_of(label: str) -> list[EndsRow]:
+    """How episodes ended by seed and condition; empty: not measured."""
+    path = RESULTS / f"{label}-conditions.csv"
+    return read_rows(path, EndsRow) if path.exists() else []
+
+
+def by_seed(rows: Iterable[EndsRow], measure: str) -> list[float]:
+    """The mean over episodes of each seed."""
+    found: dict[int, list[EndsRow]] = {}
+    for row in rows:
+        found.setdefault(row.seed, []).append(row)
+    return [
+        math.fsum(getattr(row, measure) * row.episodes for row in own)
+        / sum(r.episodes for r in own)
+        for own in found.values()
+    ]
+
+
+def median_of(values: Sequence[float]) -> str:
+    """The median over seeds with its 95 % bootstrap interval."""
+    if not values:
+        return NOTHING
+    draws = np.random.default_rng(0).choice(values, (2000, len(values)))
+    low, high = np.percentile(np.median(draws, axis=1), [2.5, 97.5])
+    return f"{median(values):.2f} [{low:.2f}, {high:.2f}]"
+
+
+def claims() -> str:
+    rows = []
+    for words, aim, label, conditions in CLAIMS:
+        found = [row for row in ends_of(label) if row.condition in conditions]
+        own = [row for row in found if not row.spheres]
+        measure = "normalized" if "reach" in conditions else "success"
+        values = by_seed(own, measure)
+        reached = f"{sum(value >= aim for value in values)} of {len(values)}"
+        worst = [
+            (median(by_seed([row for row in own if row.condition == name], measure)), name)
+            for name in dict.fromkeys(row.condition for row in own)
+        ]
+        close = by_seed([row for row in own if not math.isnan(row.close)], "close")
+        cells = [median_of(values), reached if values else NOTHING,
+                 f"{min(values):.2f}" if values else NOTHING,
+                 f"{min(worst)[1]} {min(worst)[0]:.2f}" if len(worst) > 1 else NOTHING]  # fmt: skip
+        cells += [f"{median(one):.2f}" if one else NOTHING
+                  for one in (by_seed(own, "ever"), close)]  # fmt: skip
+        spheres = [by_seed([r for r in found if r.spheres], name) for name in ("success", "ever")]
+        cells.append(", ".join(f"{median(one):.2f}" for one in spheres if one) or NOTHING)
+        rows.append([words, f"≥ {aim:.2f}", *cells])
+    head = ("", "Aim", "Median of seeds", "Seeds at the aim", "Worst seed", "Worst condition",
+            "Ever", "Within 0.07 m", "Spheres: end, ever")  # fmt: skip
+    return table(head, rows)
+
+
+def pushing_seeds() -> str:
+    rows = []
+    for label, words in PUSHING.items():
+        if not (RESULTS / f"{label}-seeds.csv").exists():
+            rows.append((words, *[NOTHING] * 6))
+            continue
+        own = seeds_of(label)
+        minutes = [s.wall_s_to_solve / 60 for s in own if not math.isnan(s.wall_s_to_solve)]
+        rows.append((
+            words,
+            f"{sum(s.solved for s in own)} of {len(own)}",
+            span([s.frames for s in own], ",.0f"),
+            solve_frames(label),
+            span(minutes, ".1f") if minutes else NOTHING,
+            span([s.final_held_out for s in own], ".2f"),
+            span([s.final_train for s in own], ".2f"),
+        ))  # fmt: skip
+    head = ("", "Solved", "Frames", "Frames to solve", "Minutes to solve", "Held out", "Trained")
+    return table(head, rows)
+
+
+def pushing_conditions() -> str:
+    found = {label: ends_of(label) for label in ("push-2", "push-3D")}
+    names = dict.fromkeys(row.condition for rows in found.values() for row in rows)
+    rows = []
+    for name in names:
+        cells = [name]
+        for label in found:
+            for spheres in (False, True):
+                own = [r for r in found[label] if r.condition == name and r.spheres == spheres]
+                cells.append(median_of(by_seed(own, "success")))
+        rows.append([*cells[:2], *cells[3:]])  # push-2 has no spheres
+    return table(("", "push-2", "push-3D", "push-3D, spheres"), rows)
+
+
+def pushing_variants() -> str:
+    path = RESULTS / "push-2-variants.csv"
+    found = {row.label: row for row in read_rows(path, Variant)} if path.exists() else {}
+    rows = []
+    for tag, words in UNDONE.items():
+        label = f"push-2.{tag}".rstrip(".")
+        if (row := found.get(label)) is None:
+            rows.append((words, *[NOTHING] * 5))
+            continue
+        frames = f"{row.frames_to_solve:,.0f}" if math.isfinite(row.frames_to_solve) else NOTHING
+        cells = [
+            median_of(by_seed([r for r in ends_of(label) if r.condition == name], "success"))
+            for name in ("eval", "pairs", "reach")
+        ]
+        rows.append((words, f"{row.solved} of {row.seeds}", frames, *cells))
+    head = ("Undone", "Solved", "Frames to solve", "Held out", "To another block", "Reach")
+    return table(head, rows)
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "headline": headline, "seeds": seeds, "conditions": conditions, "logic": logic,
     "detectors": detectors, "equalities": equalities, "forgetting": forgetting,
-    "variants": variants, "peers": peers,
+    "variants": variants, "peers": peers, "claims": claims, "pushing_seeds": pushing_seeds,
+    "pushing_conditions": pushing_conditions, "pushing_variants": pushing_variants,
 }  # fmt: skip
 
 

@@ -84,7 +84,8 @@ def test_the_program_names_what_moves_and_where_to(name: str, condition: str) ->
 
 
 def test_training_programs_move_training_blocks_to_places_and_reach() -> None:
-    for name, count in (("push-2", 3 * 2 + 3 + 2), ("push-3D", 6 * 3 + 6 + 3)):
+    counts = {"push-2": 3 * 2 + 3 + 2, "push-2-pairs": 3 * (2 + 2) + 3 + 2}
+    for name, count in (*counts.items(), ("push-3D", 6 * 3 + 6 + 3)):
         design = design_named(name)
         programs = training_programs(design)
         assert len(programs) == count

@@ -15,6 +15,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device
 from pa_ros.evaluation import experiments
 from pa_ros.evaluation.experiments import (
+    ABLATIONS,
     EXPERIMENTS,
     check_run,
     final_scores,
@@ -79,6 +80,18 @@ def test_labels_name_what_differs_from_the_defaults():
     assert under_protocol(EXPERIMENTS["forgetting"], "paper").switch_frames == 2_500_000
     with pytest.raises(ConfigError, match="got 10"):
         replace(usual, frames=10)
+
+
+def test_experiments_that_move_blocks_are_judged_by_success_and_named_by_what_differs() -> None:
+    usual = EXPERIMENTS["push-2"]
+    assert (usual.label, usual.score) == ("push-2", "success_rate")
+    assert replace(usual, preset="push-slow").label == "push-2.push-slow-arm"
+    assert EXPERIMENTS["push-2-sides"].task.vocabulary.relations[1] == "LEFT_OF"
+    rows = [{"frames": 1e4, "wall_s": 9.0, "eval_greedy.success_rate": 0.95,
+             "train_greedy.success_rate": 0.97}]  # fmt: skip
+    assert summarize(0, rows, score=usual.score).frames_to_solve == 1e4
+    for tag, options in ABLATIONS.items():
+        assert replace(usual, tag=tag, options=options).settings != usual.settings
 
 
 def go(folder: Path, experiment=SMALL) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -76,11 +77,13 @@ class Condition:
 def training_programs(design: Design) -> tuple[Program, ...]:
     """The programs of training episodes, by relation and then by target.
 
-    If blocks are to be moved: programs that move each training block to each place, then those that
-    reach for each block and place.
+    If blocks are to be moved: programs that move each training block to each place (and to each
+    other training block), then those that reach for each block and place.
     """
     if design.vocabulary.moves_objects:
-        moves = [(kind.conjunction, place) for kind in design.train for place in design.places]
+        goals = _goals(design)
+        moves = [(kind.conjunction, goal) for kind, goal in product(design.train, goals)
+                 if kind != goal]  # fmt: skip
         reaches = [(HAND.name, kind) for kind in (*design.train, *design.places)]
         return tuple(
             parse(f"{relation}({moved}, {target.conjunction})", design.vocabulary)
@@ -92,6 +95,11 @@ def training_programs(design: Design) -> tuple[Program, ...]:
         for relation in design.vocabulary.relations
         for kind in design.train
     )
+
+
+def _goals(design: Design) -> tuple[Kind, ...]:
+    """To what training programs move blocks."""
+    return (*design.places, *(design.train if design.pairs else ()))
 
 
 def program_for(
@@ -237,7 +245,7 @@ def _moving_conditions(design: Design) -> list[Condition]:
         return Condition(name, tuple(targets), **{"pool": pool, "n_blocks": n, **changed})
 
     found = [
-        condition("train", moved=design.train, near_starts=NEAR_STARTS),
+        condition("train", _goals(design), moved=design.train, near_starts=NEAR_STARTS),
         condition("eval", moved=zero_shot),
         condition("pairs", pool, moved=pool),
         condition("pairs-train", design.train, moved=design.train),

@@ -73,6 +73,7 @@ class Design:
     places: tuple[Kind, ...] = ()
     """Kinds without a body, to which programs move blocks; empty: programs move the hand."""
     n_places: int = 0  # on the table
+    pairs: bool = False  # training programs move blocks to other blocks, too
 
     def __post_init__(self) -> None:
         self._check_values()
@@ -197,13 +198,15 @@ def _pushing(
                   places=places, n_places=2, **_COMMON)  # fmt: skip
 
 
+_PUSH_2 = _pushing(
+    "push-2",
+    ("CUBE", "CYLINDER"),
+    Vocabulary.of(shape=("CUBE", "CYLINDER", PLACE), color=("RED", "BLUE")),
+    (Kind(color="BLUE", shape="CYLINDER"),),
+)
 register(
-    _pushing(
-        "push-2",
-        ("CUBE", "CYLINDER"),
-        Vocabulary.of(shape=("CUBE", "CYLINDER", PLACE), color=("RED", "BLUE")),
-        (Kind(color="BLUE", shape="CYLINDER"),),
-    ),
+    _PUSH_2,
+    replace(_PUSH_2, name="push-2-pairs", pairs=True),
     _pushing(
         "push-3D",
         _VALUES_3["shape"],

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
+from math import isnan
 from pathlib import Path
 from tempfile import TemporaryDirectory
-
-import numpy as np
 
 from pa_ros.arena import ArenaConfig, Design
 from pa_ros.cli.options import add_setting, add_settings, file_to_write, settings_from
@@ -30,22 +29,11 @@ from pa_ros.evaluation.generalization import (
     conditions_of,
     summarize,
 )
+from pa_ros.evaluation.pushing import CLOSE_M, ends
 from pa_ros.evaluation.scorer import Benchmark, Scorer
-from pa_ros.evaluation.scores import EpisodeScore
-from pa_ros.language import (
-    MIN_MAX,
-    Expression,
-    Not,
-    Program,
-    Vocabulary,
-    Word,
-    logic_named,
-    parse,
-)
-from pa_ros.language.syntax import walk
+from pa_ros.language import MIN_MAX, Vocabulary, logic_named
 
 ALL = "all"
-CLOSE_M = 0.07  # blocks closer than this to where they are to be are counted, too
 ITS_OWN = "the design's"
 
 
@@ -112,31 +100,14 @@ def _report(
 
 def _ends(evaluation: Evaluation, vocabulary: Vocabulary) -> Report:
     """How episodes ended where blocks can be moved; spheres apart, since they roll on."""
-    if not vocabulary.moves_objects:
-        return {}
-    spheres: list[EpisodeScore] = []
-    others: list[EpisodeScore] = []
-    pushes = False
-    for score in evaluation.scores:
-        program = parse(score.program, vocabulary)
-        excluded = {part for e in _sets(program) if isinstance(e, Not) for part in walk(e)}
-        named = Word("SPHERE") in {*_sets(program)} - excluded
-        (spheres if named else others).append(score)
-        pushes = pushes or not program.moves_hand
     report: dict[str, float | int | str] = {}
-    for name, scores in (("eval.", others), ("eval.spheres.", spheres)):
-        if scores:
-            report[f"{name}success"] = float(np.mean([score.success for score in scores]))
-            report[f"{name}ever"] = float(np.mean([score.ever for score in scores]))
-        if scores and pushes:
-            close = [score.distance <= CLOSE_M for score in scores]
-            report[f"{name}within_{CLOSE_M}"] = float(np.mean(close))
+    found = ends(evaluation.scores, vocabulary) if vocabulary.moves_objects else {}
+    for named, own in sorted(found.items()):
+        name = "eval.spheres." if named else "eval."
+        report |= {f"{name}success": own.success, f"{name}ever": own.ever}
+        if not isnan(own.close):
+            report[f"{name}within_{CLOSE_M}"] = own.close
     return report
-
-
-def _sets(program: Program) -> list[Expression]:
-    """All parts of a program's two sets."""
-    return [*walk(program.moved), *walk(program.target)]
 
 
 def _setting(

@@ -100,6 +100,7 @@ def run(options: argparse.Namespace) -> int:
 def _train(options: argparse.Namespace, seeds: Sequence[int]) -> int:
     """Train seeds, here or on a cluster. Tables are written even if some seeds failed."""
     from pa_ros.evaluation.cluster import Cluster, train_seeds_on
+    from pa_ros.evaluation.experiments import SUCCESS
     from pa_ros.evaluation.seeds import folder_of, tabulate, train_seeds
 
     experiment = _experiment(options, options.name)
@@ -116,21 +117,43 @@ def _train(options: argparse.Namespace, seeds: Sequence[int]) -> int:
             table, summaries = done
             print_summaries(summaries)
             print(table)
+    if experiment.score == SUCCESS:
+        print(_conditions(experiment, folder, seeds, options))
     return 0
+
+
+def _conditions(
+    experiment: Experiment, folder: Path, seeds: Sequence[int], options: argparse.Namespace
+) -> Path:
+    """Write how episodes end under every condition, or under a few for a variant."""
+    from pa_ros.evaluation.agents import load_agent
+    from pa_ros.evaluation.pushing import FEW, ends_of
+    from pa_ros.evaluation.seeds import folder_of
+    from pa_ros.evaluation.tables import write_rows
+
+    agents = {seed: load_agent(folder_of(folder, seed)) for seed in seeds}
+    conditions = FEW if experiment.tag else ()
+    rows = ends_of(agents, options.runs / "scores", conditions=conditions)
+    table: Path = options.results / f"{experiment.label}-conditions.csv"
+    write_rows(table, rows)
+    return table
 
 
 def _experiment(options: argparse.Namespace, name: str) -> Experiment:
     """The experiment with the settings that were given."""
-    from pa_ros.evaluation.experiments import EXPERIMENTS, under_protocol
-    from pa_ros.learning.protocols import OURS, LearningSettings
+    from pa_ros.evaluation.experiments import ABLATIONS, EXPERIMENTS, SUCCESS, under_protocol
+    from pa_ros.learning.protocols import LearningSettings
 
+    experiment = EXPERIMENTS[name]
     changes = learning_given(options, LearningSettings(algorithm=options.algorithm))
+    if not changes and experiment.score == SUCCESS:
+        changes = dict(ABLATIONS.get(options.tag, {}))
     if bool(changes) != bool(options.tag):
         raise ConfigError("--tag: expected together with changed settings of learning")
-    experiment = under_protocol(EXPERIMENTS[name], options.protocol or OURS)
+    experiment = under_protocol(experiment, options.protocol or experiment.protocol)
     experiment = replace(
         experiment,
-        preset=options.preset,
+        preset=experiment.preset if options.preset == "fast" else options.preset,
         arm=options.arm,
         algorithm=options.algorithm,
         options={**experiment.options, **changes},
@@ -155,8 +178,8 @@ def _check_runs(experiment: Experiment, runs: dict[int, Path], ended: bool = Fal
 
 
 def print_summaries(summaries: Sequence[SeedSummary]) -> None:
-    """Print a line for each seed."""
-    print("seed  solved  frames  wall clock  held out  train   (normalized, fresh episodes)")
+    """Print a line for each seed; `held out` and `train` are scores on fresh episodes."""
+    print("seed  solved  frames  wall clock  held out  train")
     for row in summaries:
         print(f"{row.seed:4d}  {'yes' if row.solved else 'no ':6s}  "
               f"{_figure(row.frames_to_solve, 6)}  {_figure(row.wall_s_to_solve, 8, 0, ' s')}  "
@@ -173,16 +196,17 @@ REACHING = ("paper", "fast")  # presets
 
 
 def _compare(results: Path) -> int:
-    """Write a table of variants for each programmable experiment that has any, on each arm."""
+    """Write a table of variants for each experiment that may have any, on each arm."""
     from pa_ros.evaluation.experiments import EXPERIMENTS
     from pa_ros.evaluation.results import write_variants
     from pa_ros.evaluation.tables import EvaluationError
     from pa_ros.evaluation.variants import NO_VARIANTS
 
-    written, missing = 0, []
+    written, missing, labels = 0, [], ["push-2"]
     for name, preset in itertools.product(("programmable-2L", "programmable-3D"), REACHING):
+        labels.append(replace(EXPERIMENTS[name], preset=preset).label)
+    for label in labels:
         try:
-            label = replace(EXPERIMENTS[name], preset=preset).label
             print(write_variants(label, results))
             written += 1
         except EvaluationError as error:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from pa_ros.arena import (
+    Design,
     ReachTask,
     design_named,
     preset_named,
@@ -40,13 +41,17 @@ from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
 from pa_ros.learning.interfaces import Evaluate
 from pa_ros.learning.loop import train
-from pa_ros.learning.protocols import LearningSettings
+from pa_ros.learning.protocols import PUSH, LearningSettings, usual_protocol
+from pa_ros.world.relation import SIDES
 
 log = logging.getLogger(__name__)
 
-SOLVED = 0.9  # held-out normalized score
+SOLVED = 0.9  # held-out score
 FINAL_EPISODES = 100
 DPG, OURS = "dpg", "ours"  # the defaults, which names of tables leave out
+# Measures in learning curves: reward beside the references, and, where objects are moved, the share
+# of episodes that end with the program satisfied.
+NORMALIZED, SUCCESS = "normalized", "success_rate"
 
 
 @dataclass(frozen=True)
@@ -66,21 +71,33 @@ class Experiment:
     tag: str = ""  # names what `options` changed
     switch_frames: int = 0  # train on the held-out programs from here on; 0: never
     algorithm: str = DPG
+    relations: tuple[str, ...] = ()  # of the programs; empty: the design's own
 
     @property
     def label(self) -> str:
-        """Name of its tables: what differs from the defaults (algorithm, protocol, preset, arm),
-        and the tag."""
-        parts = [self.name]
+        """Name of its tables: what differs from the design's defaults (algorithm, protocol, preset,
+        arm), and the tag."""
+        parts, design = [self.name], self.task
         if self.algorithm != DPG:
             parts.append(self.algorithm)
-        if self.protocol != OURS:
+        if self.protocol != usual_protocol(design.vocabulary.moves_objects):
             parts.append(f"{self.protocol}-protocol")
-        if self.preset != "fast":
+        if self.preset != design.preset:
             parts.append(f"{self.preset}-arm")
         if self.arm != "jaco":
             parts.append(self.arm)
         return ".".join([*parts, *filter(None, [self.tag])])
+
+    @property
+    def task(self) -> Design:
+        """The design, with the experiment's relations."""
+        design = design_named(self.design)
+        return design.with_relations(*self.relations) if self.relations else design
+
+    @property
+    def score(self) -> str:
+        """The measure by which it is judged: NORMALIZED or SUCCESS."""
+        return SUCCESS if self.task.vocabulary.moves_objects else NORMALIZED
 
     @property
     def settings(self) -> LearningSettings:
@@ -109,6 +126,12 @@ class Experiment:
             )
 
 
+def _pushing(design: str, name: str = "", relations: tuple[str, ...] = ()) -> Experiment:
+    """An experiment in which objects are moved."""
+    return Experiment(name or design, design, 150_000, protocol=PUSH, preset="push",
+                      evaluate_every_frames=10_000, relations=relations)  # fmt: skip
+
+
 EXPERIMENTS = {
     experiment.name: experiment
     for experiment in (
@@ -130,14 +153,27 @@ EXPERIMENTS = {
             },
             switch_frames=100_000,
         ),
+        _pushing("push-2"),
+        _pushing("push-3D"),
+        _pushing("push-2-pairs"),
+        _pushing("push-2", "push-2-sides", relations=("NEAR", *SIDES)),
     )
 }
+ABLATIONS: Mapping[str, Mapping[str, Any]] = {
+    "no-hindsight": {"learner.hindsight.future": 0.0},
+    "no-moved": {"learner.hindsight.moved": 0.0},
+    "no-cross": {"learner.hindsight.cross": 0.0},
+    "no-held": {"learner.exploration.held": 0.0},
+    "no-upper": {"network.upper_layers": 0},
+    "detector-gain-1": {"learner.detectors.gain": 1.0},
+}
+"""Tags of experiments that move objects, and what each of them changes."""
 PAPER_FRAMES = {"2": 2_000_000, "3": 5_000_000}  # by the number of shapes and colors
 
 
 def under_protocol(experiment: Experiment, protocol: str) -> Experiment:
     """The experiment under another protocol; under `paper`, for as many frames as the paper."""
-    if protocol != "paper":
+    if protocol != "paper" or experiment.design[0] not in PAPER_FRAMES:
         return replace(experiment, protocol=protocol)
     frames = PAPER_FRAMES[experiment.design[0]]
     switch = frames // 2 if experiment.switch_frames else 0
@@ -160,7 +196,7 @@ def check_run(experiment: Experiment, seed: int, folder: Path, ended: bool = Fal
     except CheckpointError:
         return
     arena = preset_named(experiment.preset, experiment.arm)
-    design, settings = design_named(experiment.design), experiment.settings
+    design, settings = experiment.task, experiment.settings
     values = check_trained_with(
         newest,
         settings.network.for_world(world_of(arena, design)),
@@ -217,8 +253,7 @@ def _train_until(
     scores: Evaluate | None,
 ) -> None:
     arena = preset_named(experiment.preset, experiment.arm)
-    design = design_named(experiment.design)
-    settings = experiment.settings
+    design, settings = experiment.task, experiment.settings
     train(
         TrainConfig(
             out=folder,
@@ -241,15 +276,18 @@ def _train_until(
 
 @dataclass(frozen=True, slots=True)
 class SeedSummary:
-    """The result of one seed; frames and seconds to solve are NaN if it was not solved."""
+    """The result of one seed; frames and seconds to solve are NaN if it was not solved.
+
+    Scores are NORMALIZED, or SUCCESS where the experiment is judged by that.
+    """
 
     seed: int
     frames: float  # reached
     frames_to_solve: float  # from here on the held-out score stayed at SOLVED or above
     wall_s_to_solve: float
-    held_out_at_end: float  # normalized, on the episodes of the curve
-    train_at_end: float  # normalized
-    final_held_out: float  # normalized, on episodes used for nothing else; NaN: not scored
+    held_out_at_end: float  # on the episodes of the curve
+    train_at_end: float
+    final_held_out: float  # on episodes used for nothing else; NaN: not scored
     final_train: float
 
     @property
@@ -260,15 +298,19 @@ class SeedSummary:
 
 
 def summarize(
-    seed: int, rows: Sequence[dict[str, float]], final: tuple[float, float] = (math.nan, math.nan)
+    seed: int,
+    rows: Sequence[dict[str, float]],
+    final: tuple[float, float] = (math.nan, math.nan),
+    score: str = NORMALIZED,
 ) -> SeedSummary:
     """Summarize a curve's `rows`, in order, and its final scores, held out and in training.
 
     Designs that hold nothing out are judged by the score in training.
     """
-    column = "eval_greedy.normalized"
+    trained = f"train_greedy.{score}"
+    column = f"eval_greedy.{score}"
     if column not in rows[-1]:
-        column = "train_greedy.normalized"
+        column = trained
     # From the end backwards: a score that falls below the bound later was not solved before.
     first: dict[str, float] | None = None
     for row in reversed(rows):
@@ -281,29 +323,31 @@ def summarize(
         first["frames"] if first else math.nan,
         first["wall_s"] if first else math.nan,
         rows[-1][column],
-        rows[-1]["train_greedy.normalized"],
+        rows[-1][trained],
         *final,
     )
 
 
 def final_scores(folder: Path, cache: Path, episodes: int = FINAL_EPISODES) -> tuple[float, float]:
-    """Normalized scores of a run's last checkpoint on fresh episodes, held out and in training.
+    """Scores of a run's last checkpoint on fresh episodes, held out and in training.
 
-    The agent acts by PRODUCT, as it did while it learned.
+    The agent acts by PRODUCT, as it did while it learned. Where it moves objects, scores are the
+    shares of episodes that succeed, and it acts by the default logic, as in tables of conditions.
     """
-    agent = load_agent(folder, logic=PRODUCT)
+    agent = load_agent(folder)
+    pushes = agent.design.vocabulary.moves_objects
+    agent = agent if pushes else replace(agent, logic=PRODUCT)
     scorer = Scorer(Benchmark(design=agent.design, arena=agent.arena, episodes=episodes), cache)
 
     def score(condition: str) -> float:
-        low, high, own = (
-            float(rewards(scores).mean())
-            for scores in (
-                scorer.reference("random", condition),
-                scorer.reference("scripted", condition),
-                scorer.agent(agent, condition),
-            )
+        own = scorer.agent(agent, condition)
+        if pushes:
+            return float(np.mean([one.success for one in own]))
+        low, high = (
+            float(rewards(scorer.reference(name, condition)).mean())
+            for name in ("random", "scripted")
         )
-        return normalized(own, low, high)
+        return normalized(float(rewards(own).mean()), low, high)
 
     trained_on = score("train")
     return (score("eval") if agent.design.held_out else trained_on), trained_on
@@ -328,12 +372,12 @@ def write_table(
     write_cells(path, ["seed", *names], cells)
     write_rows(seeds_table(path), summaries)
     settings = experiment.settings
-    design = design_named(experiment.design)
     setting = {
         **asdict(experiment),
+        "score": experiment.score,
         "learner": settings.learner.model_dump(mode="json"),
         "network_options": settings.network.model_dump(mode="json"),
-        "words": design.vocabulary.by_group,
+        "words": experiment.task.vocabulary.by_group,
         "seeds": sorted(curves),
         "made_on": made_on or {},
         "device": device(),

@@ -17,7 +17,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from numpy.typing import NDArray
 
 from pa_ros.evaluation.drawing import save
-from pa_ros.evaluation.experiments import SOLVED, SeedSummary
+from pa_ros.evaluation.experiments import NORMALIZED, SOLVED, SUCCESS, SeedSummary
 from pa_ros.evaluation.scores import mean_interval
 from pa_ros.evaluation.tables import read_curves, read_setting
 from pa_ros.evaluation.variants import Variant
@@ -29,9 +29,13 @@ Scores = Mapping[int, Mapping[float, float]]
 """One score by frames, for each seed."""
 _SEVERAL = ("#268bd2", "#d33682", "#859900", "#b58900")
 _CURVES = (
-    ("train_greedy.normalized", "training programs", "#b58900"),
-    ("eval_greedy.normalized", "held-out programs", "#d33682"),
+    ("train_greedy", "training programs", "#b58900"),
+    ("eval_greedy", "held-out programs", "#d33682"),
 )
+_SCORES = {
+    NORMALIZED: "normalized score (random 0, scripted 1)",
+    SUCCESS: "share of episodes that succeed",
+}
 
 
 def learning_figure(table: Path) -> Path:
@@ -43,9 +47,11 @@ def learning_figure(table: Path) -> Path:
     curves, setting = _read(table)
     count = len(curves)
     figure, axes = plt.subplots(figsize=(7, 4.4), layout="constrained")
-    shown = [curve for curve in _CURVES if curve[0] in next(iter(curves.values()))[0]]
-    for column, label, color in shown:
-        _curve(axes, _scores(curves, column), label, color)
+    score = setting.get("score", NORMALIZED)
+    for name, label, color in _CURVES:
+        column = f"{name}.{score}"
+        if column in next(iter(curves.values()))[0]:
+            _curve(axes, _scores(curves, column), label, color)
     if switch := setting["switch_frames"]:
         turnover = switch + setting["learner"]["replay"]["capacity_frames"]
         for x, text in ((switch, "programs switched"), (turnover, "replay turned over")):
@@ -57,7 +63,7 @@ def learning_figure(table: Path) -> Path:
         f"{setting.get('arm', 'jaco')}, {setting['preset']} preset: "
         f"{count} seed{'s' if count > 1 else ''}"
     )
-    _finish(figure, axes, title)
+    _finish(figure, axes, title, score)
     picture = table.with_suffix(".png")
     save(figure, picture)
     return picture
@@ -66,7 +72,7 @@ def learning_figure(table: Path) -> Path:
 def algorithms_figure(path: Path, tables: Mapping[str, Path]) -> None:
     """Draw the held-out scores of several tables; `tables` by the curves' labels."""
     figure, axes = plt.subplots(figsize=(7, 4.4), layout="constrained")
-    column, _, _ = _CURVES[1]
+    column = f"{_CURVES[1][0]}.{NORMALIZED}"
     for (label, table), color in zip(tables.items(), cycle(_SEVERAL), strict=False):
         curves, setting = _read(table)
         _curve(axes, _scores(curves, column), f"{label}, {len(curves)} seeds, held out", color)
@@ -108,12 +114,12 @@ def _curve(axes: Axes, scores: Scores, label: str, color: str) -> None:
                       alpha=0.2, linewidth=0)  # fmt: skip
 
 
-def _finish(figure: Figure, axes: Axes, title: str) -> None:
+def _finish(figure: Figure, axes: Axes, title: str, score: str = NORMALIZED) -> None:
     """Add scales, the level that counts as solved, and the legend."""
     axes.axhline(SOLVED, color="grey", linestyle=":", linewidth=1, label=f"{SOLVED}: solved")
     axes.set(
         xlabel="frames (control steps)",
-        ylabel="normalized score (random 0, scripted 1)",
+        ylabel=_SCORES[score],
         ylim=(-0.1, 1.05),
         title=title,
     )

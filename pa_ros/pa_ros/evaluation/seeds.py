@@ -166,10 +166,11 @@ def tabulate(
             continue
         rows = curves[seed] = read_curve(run / CURVE)
         if holds_checkpoint(run):
-            summaries.append(summarize(seed, rows, final_scores(run, scores)))
+            final = final_scores(run, scores)
+            summaries.append(summarize(seed, rows, final, experiment.score))
             made_on[seed] = str(read_metadata(checkpoint_of(run))["extra"].get(MADE_ON, ""))
         else:
-            summaries.append(summarize(seed, rows))
+            summaries.append(summarize(seed, rows, score=experiment.score))
     if not curves:
         return None
     return write_table(results, experiment, curves, summaries, made_on), summaries

@@ -10,7 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from pa_ros.evaluation.experiments import DPG, SeedSummary, seeds_table, summarize
+from pa_ros.evaluation.experiments import (
+    DPG,
+    NORMALIZED,
+    SeedSummary,
+    seeds_table,
+    summarize,
+)
 from pa_ros.evaluation.scores import mean_interval
 from pa_ros.evaluation.tables import EvaluationError, read_curves, read_rows, read_setting
 
@@ -20,7 +26,7 @@ _SAME = ("arm", "preset", "protocol", "algorithm")  # in all tables that are com
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """One setting, judged by its curves up to `frames`. Held-out scores are normalized."""
+    """One setting, judged by its curves up to `frames`. Scores are as in SeedSummary."""
 
     label: str
     changed: str  # options of the protocol (empty for the protocol itself), or the algorithm
@@ -50,7 +56,7 @@ def compare(
         if f"{table.stem}.".startswith(f"{name}.") and table.with_suffix(".json").exists()
     )
     settings = {
-        table: {"arm": "jaco", "algorithm": DPG}
+        table: {"arm": "jaco", "algorithm": DPG, "score": NORMALIZED}
         | read_setting(table, "preset", "protocol", "options")
         for table in tables
     }
@@ -70,7 +76,8 @@ def compare(
     rows, seeds_of = [], {}
     for table in chosen:
         final = {row.seed: row for row in read_rows(seeds_table(table), SeedSummary)}
-        seeds = [_until(frames, curve, final[seed]) for seed, curve in curves[table].items()]
+        score = settings[table]["score"]
+        seeds = [_until(frames, curve, final[seed], score) for seed, curve in curves[table].items()]
         seeds_of[table.stem] = seeds
         changed = settings[table][by]
         if not isinstance(changed, str):
@@ -84,12 +91,14 @@ def _text(value: object) -> str:
     return value if isinstance(value, str) else json.dumps(value)
 
 
-def _until(frames: float, curve: list[dict[str, float]], final: SeedSummary) -> SeedSummary:
+def _until(
+    frames: float, curve: list[dict[str, float]], final: SeedSummary, score: str
+) -> SeedSummary:
     """A seed after so many frames; judged on fresh episodes if it ended there."""
     seen = [row for row in curve if row["frames"] <= frames]
     if len(seen) < len(curve):
-        return summarize(final.seed, seen)
-    return summarize(final.seed, seen, (final.final_held_out, final.final_train))
+        return summarize(final.seed, seen, score=score)
+    return summarize(final.seed, seen, (final.final_held_out, final.final_train), score)
 
 
 def _variant(label: str, changed: str, seeds: Sequence[SeedSummary], frames: float) -> Variant:
