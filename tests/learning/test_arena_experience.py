@@ -29,11 +29,11 @@ def test_relabeled_rewards_are_the_verifiers(design_name) -> None:
     seen = set()
     for episode in range(3):
         observation, _ = task.reset(episode)
-        _, present, _ = relabeler.masks(observation.objects[None], observation.hand_index)
+        _, present, *_ = relabeler.masks(observation.objects[None], observation.hand_index)
         named = [j for j in range(len(programs)) if present >> j & 1]
         for t in range(40):
             own = task.program
-            satisfied, _, _ = relabeler.masks(observation.objects[None], observation.hand_index)
+            satisfied, *_ = relabeler.masks(observation.objects[None], observation.hand_index)
             for j in named:
                 _, verdict = task.set_program(programs[j])
                 assert verdict.satisfied == bool(int(satisfied[0]) >> j & 1), (episode, t, j)

@@ -11,7 +11,7 @@ from pa_ros.learning.learner import Learner
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world.programs import ProgramTable
-from pa_ros.world.schema import COLORS, PAPER, SHAPES
+from pa_ros.world.schema import COLORS, PAPER, SHAPES, ObjectSchema, PropertyGroup, Seen
 from pa_ros.world.world import World
 
 ALL = Vocabulary.of(shape=SHAPES, color=COLORS)
@@ -123,3 +123,22 @@ def test_only_blocks_that_no_drawn_program_names_are_hidden(relabel) -> None:
             hidden += batch.objects[b, other, 7:].sum() < 2
             np.testing.assert_array_equal(batch.objects[b, :, 7:], batch.next_objects[b, :, 7:])
     assert 0.8 * 160 < hidden < 160
+
+
+def test_where_nothing_tells_words_objects_that_a_program_may_name_keep_their_features() -> None:
+    schema = ObjectSchema(
+        (PropertyGroup("shape", SHAPES, Seen(4)), PropertyGroup("color", COLORS, Seen(5)))
+    )
+    table = ProgramTable(ALL)
+    rows = [table.add(parse(f"NEAR(HAND, {word})", ALL)) for word in ("RED", "CUBE")]
+    objects = np.ones((400, 4, 16), np.float32)
+    may_name = np.tile(np.array([0, 0b01, 0b10, 0b11], np.uint64), (400, 1))
+    program = np.full((400, 1), rows[0], np.int32)
+    PropertyDropout(table, World(schema, ALL, joints=6), 0.5).hide(
+        draws(400), objects, objects.copy(), program, may_name
+    )
+    hidden = (objects == 0).any((0, 2))
+    assert hidden.tolist() == [False, False, True, False]
+    assert {(not row[7:11].any(), not row[11:].any()) for row in objects[:, 2]} == {
+        (False, False), (True, False), (False, True), (True, True)
+    }  # fmt: skip

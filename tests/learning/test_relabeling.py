@@ -7,9 +7,11 @@ import pytest
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import Vocabulary, parse, satisfying
+from pa_ros.learning.errors import LearningError
 from pa_ros.learning.relabeling.all_goals import MAX_PROGRAMS, GoalMasks, Relabeler
 from pa_ros.world import Scoring
-from pa_ros.world.schema import COLORS, PAPER, SHAPES
+from pa_ros.world.measures import ProgramMeasures
+from pa_ros.world.schema import COLORS, PAPER, SHAPES, ObjectSchema, PropertyGroup, Seen
 from pa_ros.world.world import World
 
 WORDS = Vocabulary.of(shape=(*SHAPES, "C"), color=(*COLORS, "A"))
@@ -47,7 +49,7 @@ def test_masks_agree_with_the_verifier() -> None:
     for trial in range(30):
         n, hand = 2 + trial % 4, trial % 2
         objects, words = episode(rng, 6, n, hand)
-        satisfied, present, _ = relabeler().masks(objects, hand)
+        satisfied, present, *_ = relabeler().masks(objects, hand)
         assert satisfied.shape == (7,)
         for j, program in enumerate(PROGRAMS):
             named = satisfying(program, words, hand)
@@ -68,7 +70,7 @@ def test_masks_agree_with_the_verifier() -> None:
 def test_exactly_the_threshold_is_near_as_for_the_verifier(x: float, near: bool) -> None:
     objects, _ = episode(np.random.default_rng(0), 1, 2, 0)
     objects[:, 1, :3] = x, 0.0, 0.0
-    satisfied, present, _ = Relabeler(PROGRAMS, WORLD, Scoring({"NEAR": 0.25})).masks(objects, 0)
+    satisfied, present, *_ = Relabeler(PROGRAMS, WORLD, Scoring({"NEAR": 0.25})).masks(objects, 0)
     assert present != 0
     assert satisfied.tolist() == [present if near else 0] * 2
 
@@ -120,7 +122,7 @@ def test_the_64th_program_has_its_bit() -> None:
     objects, _ = episode(np.random.default_rng(0), 1, 2, 0)
     objects[:, 1, 7:] = 0.0
     objects[:, 1, [7, 13]], objects[:, 1, :3] = 1.0, 0.1  # a blue cube, near
-    satisfied, present, _ = Relabeler(programs, WORLD, Scoring({"NEAR": NEAR_M})).masks(objects, 0)
+    satisfied, present, *_ = Relabeler(programs, WORLD, Scoring({"NEAR": NEAR_M})).masks(objects, 0)
     assert present == int(satisfied[0]) == (2**64 - 2**15)
     masks = GoalMasks(satisfied[:1], np.array([present], np.uint64))
     drawn, rewards = Relabeler(programs, WORLD, Scoring({"NEAR": NEAR_M})).draw(
@@ -133,3 +135,43 @@ def test_the_64th_program_has_its_bit() -> None:
 def test_too_few_or_too_many_programs(count) -> None:
     with pytest.raises(ConfigError, match=f"got {count}"):
         Relabeler([PROGRAMS[0]] * count, WORLD, Scoring({"NEAR": NEAR_M}))
+
+
+UNTOLD = World(
+    ObjectSchema(
+        (PropertyGroup("shape", SHAPES, Seen(4)), PropertyGroup("color", COLORS, Seen(5)))
+    ),
+    WORDS,
+    joints=6,
+)
+"""As WORLD, but its features tell no words."""
+
+
+def test_published_measures_give_the_masks_that_told_properties_give() -> None:
+    rng, scoring = np.random.default_rng(0), Scoring({"NEAR": NEAR_M})
+    blind, measured = (
+        Relabeler(PROGRAMS, UNTOLD, scoring),
+        ProgramMeasures(PROGRAMS, WORLD, scoring),
+    )
+    for trial in range(20):
+        objects, words = episode(rng, 6, 5, trial % 2)
+        named = measured.named(objects[0], trial % 2)
+        measures = measured(named, objects, None)
+        seen = objects.copy()
+        seen[..., :3] += rng.normal(0, 0.002, seen[..., :3].shape)  # a camera is not exact
+        seen[..., 7:] = rng.normal(size=seen[..., 7:].shape)
+        told = relabeler().masks(objects, trial % 2)
+        untold = blind.masks(seen, trial % 2, None, measures)
+        assert (told.satisfied == untold.satisfied).all() and told.present == untold.present
+        assert untold.may_name is not None
+        may = untold.may_name[:, None] >> np.arange(len(PROGRAMS), dtype=np.uint64) & np.uint64(1)
+        # A program that names one object is known by its measures to name it, and hardly another.
+        for j in np.flatnonzero(named.sum(1) == 1):
+            assert may[named[j], j] == 1 and may[:, j].sum() <= 2
+
+
+@pytest.mark.parametrize("measures", [None, np.zeros((7, 3)), np.zeros((6, len(PROGRAMS)))])
+def test_without_the_verifiers_measures_nothing_is_learned_of_what_is_seen(measures) -> None:
+    objects, _ = episode(np.random.default_rng(0), 6, 3, 0)
+    with pytest.raises(LearningError, match="expected the verifier's measures of the 12 training"):
+        Relabeler(PROGRAMS, UNTOLD, Scoring({"NEAR": NEAR_M})).masks(objects, 0, None, measures)

@@ -10,10 +10,13 @@ from hypothesis import strategies as st
 
 from helpers.worlds import WORLD, random_trajectory
 from pa_ros.core.experience import AgentKey, Float32, TrajectoryKey
+from pa_ros.language import parse
 from pa_ros.learning.errors import LearningError
 from pa_ros.learning.relabeling.all_goals import GoalMasks
 from pa_ros.learning.replay_buffer.buffer import ReplayBuffer, hand_first
 from pa_ros.learning.replay_buffer.ledger import Ledger
+from pa_ros.world.schema import ObjectSchema, PropertyGroup, Seen
+from pa_ros.world.world import World
 
 
 def test_memory_at_full_capacity() -> None:
@@ -216,3 +219,24 @@ def test_the_hand_is_stored_first() -> None:
     trajectory = random_trajectory(np.random.default_rng(0), 1, objects=objects, hand_index=2)
     replay.insert(trajectory, 0)
     np.testing.assert_array_equal(replay.filled()["objects"], objects[:, [2, 0, 1, 3]])
+
+
+def test_scenes_of_a_camera_may_have_any_number_of_objects() -> None:
+    """The buffer grows to the largest scene; in smaller ones the last object is stored again."""
+    group = PropertyGroup("shape", ("CUBE",), Seen(9))
+    schema = ObjectSchema((group,))
+    world, rng = World(schema, schema.vocabulary, joints=6), np.random.default_rng(0)
+    replay, program = ReplayBuffer(100, world), parse("NEAR(HAND, CUBE)", schema.vocabulary)
+    for sequence, count in enumerate((3, 2, 4)):
+        objects = rng.normal(size=(6, count, 16)).astype(np.float32)
+        one = random_trajectory(
+            rng, sequence=sequence, objects=objects, program=program, world_digest=world.digest
+        )
+        replay.check(one)
+        bits = np.arange(count, dtype=np.uint64)
+        replay.insert(one, 0, GoalMasks(np.zeros(6, np.uint64), 0, None, bits))
+        stored = replay.filled()["objects"][6 * sequence :]
+        assert (stored[:, :count] == objects).all() and (stored[:, count:] == objects[:, -1:]).all()
+    may_name = replay.may_name(np.array([0, 6, 12]))
+    assert may_name is not None
+    assert may_name.tolist() == [[0, 1, 2, 2], [0, 1, 1, 1], [0, 1, 2, 3]]

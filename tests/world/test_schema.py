@@ -6,7 +6,7 @@ import pytest
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import Vocabulary
 from pa_ros.language.vocabulary import WordGroup
-from pa_ros.world.schema import PAPER, ObjectSchema, PropertyGroup, Real
+from pa_ros.world.schema import PAPER, ObjectSchema, PropertyGroup, Real, Seen
 from pa_ros.world.world import World
 
 SIZE = PropertyGroup(
@@ -151,3 +151,35 @@ def test_a_world_checks_its_limits(changed: dict[str, object], why: str) -> None
     given = {"schema": PAPER, "vocabulary": PAPER.vocabulary, "joints": 6} | changed
     with pytest.raises(ConfigError, match=why):
         World(**given)  # type: ignore[arg-type]
+
+
+SEEN = ObjectSchema(
+    (
+        PropertyGroup("shape", ("CUBE", "C"), Seen(3, scale=2.0, calibration="abc")),
+        PropertyGroup("color", ("RED",), Seen(1)),
+    )
+)
+
+
+def test_seen_features_have_columns_and_words_but_tell_none() -> None:
+    world = World(SEEN, SEEN.vocabulary, joints=6)
+    assert SEEN.feature_names[7:] == ("shape_0", "shape_1", "shape_2", "color_0")
+    assert SEEN.scales.tolist() == [1.0] * 7 + [2.0] * 3 + [1.0]
+    assert world.vocabulary.words == ("CUBE", "C", "RED")
+    assert PAPER.tells_words and not SEEN.tells_words
+    assert SEEN.labels(np.ones((2, 11), np.float32), 0) == ("hand", "block 1")
+    with pytest.raises(ConfigError, match="truth: expected properties that are told, got ones"):
+        world.truth(np.ones((2, 11), np.float32))
+
+
+def test_the_calibration_of_what_is_seen_is_part_of_a_world() -> None:
+    world = World(SEEN, SEEN.vocabulary, joints=6)
+    assert World.from_json(world.to_json()) == world
+    text = world.to_json().replace('"abc"', '"abd"')
+    assert World.from_json(text).digest != world.digest
+
+
+@pytest.mark.parametrize("width", [0, 241, 2.5, True])
+def test_a_wrong_number_of_seen_features_is_rejected(width: int) -> None:
+    with pytest.raises(ConfigError, match="seen features: width: expected 1 to 240, got"):
+        Seen(width)

@@ -24,9 +24,11 @@ class _Pending:
     arm: list[Float32] = field(default_factory=list)
     actions: list[Float32] = field(default_factory=list)
     rewards: list[float] = field(default_factory=list)
+    measures: list[tuple[float, ...] | None] = field(default_factory=list)
 
-    def append(self, observation: Observation, arm: Float32) -> None:
+    def append(self, observation: Observation, arm: Float32, verdict: Verdict) -> None:
         self.last = observation
+        self.measures.append(verdict.measures)
         self.objects.append(observation.objects)
         self.arm.append(arm)
 
@@ -70,9 +72,9 @@ class TrajectoryBuilder:
         if pending is None or not self._continues(pending, observation, program):
             other_episode = pending is not None and observation.episode != pending.last.episode
             trajectory = self._finish(ends_episode=other_episode)
-            self._begin(observation, program)
+            self._begin(observation, verdict, program)
             return trajectory
-        pending.append(observation, self._world.arm(observation))
+        pending.append(observation, self._world.arm(observation), verdict)
         pending.rewards.append(verdict.reward)
         self._acted = False
         if verdict.truncated:
@@ -80,7 +82,7 @@ class TrajectoryBuilder:
         if len(pending.rewards) < self._trajectory_steps:
             return None
         trajectory = self._finish(ends_episode=False)
-        self._begin(observation, program)
+        self._begin(observation, verdict, program)
         return trajectory
 
     def acted(self, action: Float32, version: int) -> None:
@@ -107,9 +109,9 @@ class TrajectoryBuilder:
             and observation.objects.shape == last.objects.shape
         )
 
-    def _begin(self, observation: Observation, program: Program) -> None:
+    def _begin(self, observation: Observation, verdict: Verdict, program: Program) -> None:
         self._pending = _Pending(program, observation, observation)
-        self._pending.append(observation, self._world.arm(observation))
+        self._pending.append(observation, self._world.arm(observation), verdict)
         self._acted = False
 
     def _finish(self, ends_episode: bool) -> Trajectory | None:
@@ -118,6 +120,7 @@ class TrajectoryBuilder:
         if pending is None or not pending.rewards:
             return None
         steps = len(pending.rewards)  # an action whose outcome was never seen is left out
+        measures = [row for row in pending.measures[: steps + 1] if row is not None]
         self.sequence += 1
         return Trajectory(
             agent_id=self._agent.agent_id,
@@ -137,4 +140,5 @@ class TrajectoryBuilder:
             ends_episode=ends_episode,
             terminated=False,
             world_digest=self._world.digest,
+            measures=np.array(measures, np.float64) if len(measures) == steps + 1 else None,
         )

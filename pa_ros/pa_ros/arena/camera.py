@@ -101,9 +101,7 @@ class Camera:
     def look(self, simulation: Simulation, marked: Sequence[int] = ()) -> None:
         """Copy the current scene, with a ring on the table around each `marked` object. Call it on
         the simulation's thread, and not while a picture is being made."""
-        every = mujoco.mjtCatBit.mjCAT_ALL.value
-        known = simulation.model, simulation.data, self._option, None, self._camera, every
-        mujoco.mjv_updateScene(*known, self._scene)
+        self._update(simulation.model, simulation.data)
         if self._close:
             _brighten(self._scene)
         for index in marked:
@@ -116,6 +114,16 @@ class Camera:
         mujoco.mjr_render(self._rect, self._scene, self._buffer)
         mujoco.mjr_readPixels(upside_down, None, self._rect, self._buffer)
         return upside_down[::-1].copy()
+
+    def of(self, model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.uint8]:
+        """A picture of any state, at once. Other cameras may be used between two pictures."""
+        self._gl.make_current()
+        self._update(model, data)
+        return self.picture()
+
+    def _update(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        every = mujoco.mjtCatBit.mjCAT_ALL.value
+        mujoco.mjv_updateScene(model, data, self._option, None, self._camera, every, self._scene)
 
     def close(self) -> None:
         """Free the resources of OpenGL."""

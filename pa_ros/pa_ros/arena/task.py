@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from pa_ros.arena.appearance import look_of
-from pa_ros.arena.conditions import condition_named
+from pa_ros.arena.conditions import condition_named, training_programs
 from pa_ros.arena.config import ArenaConfig
 from pa_ros.arena.controllers import hand_controller
 from pa_ros.arena.designs import Design, Kind
@@ -18,6 +19,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64, Observation, Verdict
 from pa_ros.language import Program, require_target, roles
 from pa_ros.world import Reward, Score, Scoring
+from pa_ros.world.measures import ProgramMeasures
 from pa_ros.world.world import World
 
 
@@ -91,8 +93,12 @@ class ReachTask:
         design: Design,
         seed: int,
         reward: Reward | None = None,
+        measures_programs: bool = False,
     ) -> None:
         """`seed` and the index determine an episode. The default reward is the paper's ±1.
+
+        With `measures_programs` verdicts say the measure of every training program, for learners
+        whose observations do not tell which words are true.
 
         Raises ConfigError for a value of the design that has no look.
         """
@@ -109,6 +115,10 @@ class ReachTask:
         self.design = design
         self.seed = seed
         self.simulation = Simulation(config, self.design.schema)
+        self._measures: ProgramMeasures | None = None
+        if measures_programs:
+            true = world_of(config, design)
+            self._measures = ProgramMeasures(training_programs(design), true, self.scoring)
         self._episode: Episode | None = None
         self._stamp_ns, self._period_ns = 0, config.control_period_ns
         self._step, self._limits = 0, np.array(config.joint_speed_limits)
@@ -135,6 +145,7 @@ class ReachTask:
         verifier = self._verifier(episode, episode.program)
         self.simulation.place(episode)
         self._episode, self.verifier = episode, verifier
+        self._note_named()
         self._step, self._programs = 0, 0
         self.program_id = f"{episode.index}.0"
         self._stamp_ns += self._period_ns
@@ -164,6 +175,7 @@ class ReachTask:
         self.simulation.rearrange(episode, poses, twists)
         self._episode = episode
         self.verifier = self._verifier(episode, self.program, may_name_nothing=True)
+        self._note_named()
 
     @property
     def program(self) -> Program:
@@ -225,4 +237,12 @@ class ReachTask:
         )
         truncated = self._step >= self.config.episode_steps
         verdict = self.verifier.verdict(observation.objects, observation.hand_pose, truncated)
+        if self._measures is not None:
+            measures = self._measures(self._named, observation.objects, observation.hand_pose)
+            verdict = replace(verdict, measures=tuple(measures.tolist()))
         return observation, verdict
+
+    def _note_named(self) -> None:
+        """Note what the training programs name among the present blocks."""
+        if self._measures is not None:
+            self._named = self._measures.named(self.simulation.objects(), HAND_INDEX)

@@ -69,7 +69,9 @@ def run(options: argparse.Namespace) -> int:
         if options.condition == ALL:
             return _all_conditions(agent, options)
         agent, drawn_from = acting_under(options.condition, agent, options.seed)
-        report = _report(options, agent.design, agent.arena, agent.policy, drawn_from)
+        report = _report(
+            options, agent.design, agent.arena, agent.policy, drawn_from, agent.perception
+        )
         report = {**report, "eval.logic": agent.logic.name}
     else:
         chosen = settings_from(options, EvaluationConfig)
@@ -85,8 +87,10 @@ def _report(
     arena: ArenaConfig,
     policy: AgentPolicy | str,
     drawn_from: str,
+    perception: str = "",
 ) -> Report:
-    evaluation = evaluate(arena, design, policy, drawn_from, options.episodes, options.seed)
+    asked = drawn_from, options.episodes, options.seed
+    evaluation = evaluate(arena, design, policy, *asked, perception=perception)
     for row in by_program(evaluation):
         print(f"{row.program}: {row.episodes} episodes, {row.reward_per_step:+.3f} per step, "
               f"{row.success_rate:.0%} near at the end")  # fmt: skip
@@ -129,7 +133,11 @@ def _all_conditions(agent: TrainedAgent, options: argparse.Namespace) -> int:
     report: dict[str, float | int | str] = {"eval.episodes": options.episodes}
     with TemporaryDirectory() as cache:
         benchmark = Benchmark(
-            design=agent.design, arena=agent.arena, episodes=options.episodes, seed=options.seed
+            design=agent.design,
+            arena=agent.arena,
+            episodes=options.episodes,
+            seed=options.seed,
+            perception=agent.perception,
         )
         scorer = Scorer(benchmark, Path(cache))
         for condition in conditions_of(agent.design):

@@ -10,12 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pa_ros.arena import (
-    ArenaChoice,
-    ReachTask,
-    training_programs,
-    world_of,
-)
+from pa_ros.arena import ArenaChoice, ArenaConfig, Design, training_programs
 from pa_ros.bags.run_log import RunLog
 from pa_ros.cli import from_bag
 from pa_ros.cli.options import (
@@ -29,10 +24,14 @@ from pa_ros.cli.training_view import TrainingView
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.signals import EXIT_INTERRUPTED, signals_noted
 from pa_ros.evaluation.evaluate import TrainingScores
+from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.config import TrainConfig
+from pa_ros.learning.folder import checkpoint_of
 from pa_ros.learning.loop import train
+from pa_ros.perception import VIEWS, calibrated, task_seen
 from pa_ros.world import reward_from
 
+TOLD = "told"
 EXIT_UNRECORDED = 1  # the disk was full; the run itself is whole
 
 
@@ -40,6 +39,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros train`."""
     add_settings(parser, ArenaChoice, "design", "relations", "arm", "reward")
     add_setting(parser, ArenaChoice, "preset", otherwise="fast; push for designs that push")
+    parser.add_argument(
+        "--perception",
+        choices=(TOLD, *VIEWS),
+        default=TOLD,
+        help="what blocks are: told, or seen by a camera above or in a corner (%(default)s)",
+    )
     add_setting(parser, TrainConfig, "seed", otherwise="0; with --from-bag, the recorded one")
     add_settings(parser, TrainConfig, "frames", "out")
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint in OUT")
@@ -64,14 +69,21 @@ def run(options: argparse.Namespace) -> int:
     """
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     if options.from_bag:
+        if options.perception != TOLD:
+            raise ConfigError("--perception: expected told with --from-bag, got another")
         return from_bag.run(options)
     if options.namespace is not None:
         raise ConfigError("--namespace: expected --from-bag with it")
     chosen = settings_from(options, ArenaChoice)
     design, arena = chosen.design_of(), chosen.arena_config()
     learning = learning_from(options, design.vocabulary.moves_objects)
+    config = settings_from(options, TrainConfig)
     names = {"design": design.name, "preset": arena.preset, "arm": arena.arm}
+    if perception := _perception(options, arena, design, config.out):
+        names["perception"] = perception
     config = settings_from(options, TrainConfig, environment=names)
+    reward = reward_from(chosen.reward)
+    task = task_seen(arena, design, config.seed, perception, reward)
     programs, seed = training_programs(design), config.seed
     parameters = {**learning.flat(), "frames": config.frames, "resume": options.resume}
     recorded: AbstractContextManager[RunLog | None] = nullcontext()
@@ -84,12 +96,12 @@ def run(options: argparse.Namespace) -> int:
     ):
         learner = train(
             config,
-            learning.network.for_world(world_of(arena, design)),
+            learning.network.for_world(task.world),
             learning.learner,
-            ReachTask(arena, design, seed, reward=reward_from(chosen.reward)),
+            task,
             np.array(arena.joint_speed_limits),
             programs,
-            TrainingScores(arena, design, config.evaluation_episodes),
+            TrainingScores(arena, design, config.evaluation_episodes, perception),
             options.resume,
             run_log,
             view,
@@ -104,3 +116,19 @@ def run(options: argparse.Namespace) -> int:
     next_step = f"pa_ros eval --checkpoint {shlex.quote(str(config.out))}"
     print(f"checkpoint and curve in {config.out}; next: {next_step}")
     return EXIT_UNRECORDED if run_log is not None and run_log.failure is not None else 0
+
+
+def _perception(options: argparse.Namespace, arena: ArenaConfig, design: Design, out: Path) -> str:
+    """The calibration of the chosen camera; empty if properties are told.
+
+    A resumed run keeps its own: another one would see other features.
+    """
+    if options.perception == TOLD:
+        return ""
+    if options.record is not None:
+        raise ConfigError("--record: expected --perception told: a camera's runs are not recorded")
+    if options.resume:
+        if kept := str(read_metadata(checkpoint_of(out))["extra"].get("perception", "")):
+            return kept
+        raise ConfigError(f"--perception: expected told, as of the run in {out}")
+    return calibrated(arena, design, options.perception)

@@ -36,6 +36,8 @@ class Verdict:
     satisfied: bool
     distance: float  # least measure of the relation among what the program names; inf if it is none
     truncated: bool  # the episode's time limit was reached (not a termination)
+    measures: tuple[float, ...] | None = None
+    """The distance under each training program, inf if it names nothing here; None: not said."""
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,7 @@ class TrainedAgent:
     design: Design
     arena: ArenaConfig
     logic: Logic = MIN_MAX
+    perception: str = ""  # calibration of the camera it sees with; empty: properties are told
 
     @property
     def policy(self) -> AgentPolicy:
@@ -73,7 +74,7 @@ def load_agent(
     snapshot = load_policy(folder)
     asked = actor_config(snapshot.architecture).vocabulary.relations
     task = design_named(named["design"]).with_relations(*asked)
-    return TrainedAgent(snapshot, task, arena, logic)
+    return TrainedAgent(snapshot, task, arena, logic, str(facts.get("perception", "")))
 
 
 def trained(out: Path) -> Path:

@@ -30,6 +30,7 @@ from pa_ros.evaluation.scores import (
     rewards,
 )
 from pa_ros.language import LOGICS, MIN_MAX, Program
+from pa_ros.perception import task_seen
 from pa_ros.world.world import World
 
 # From an observation and a program to joint velocities in rad/s [J].
@@ -113,8 +114,12 @@ def evaluate(
     episodes: int,
     seed: int,
     n_blocks: int | None = None,
+    perception: str = "",
 ) -> Evaluation:
-    """Evaluate an agent, or a reference by name, and both references on the same episodes."""
+    """Evaluate an agent, or a reference by name, and both references on the same episodes.
+
+    `perception` is the calibration of the agent's camera (`perception.task_seen`).
+    """
     if n_blocks is not None:
         design = replace(design, n_blocks=n_blocks)
     task = ReachTask(config, design, seed)
@@ -124,7 +129,8 @@ def evaluate(
         scores = references[policy]
     else:
         agent = policy
-        scores = tuple(run_episodes(task, lambda o: agent(o, task.program), condition, episodes))
+        seen = task_seen(config, design, seed, perception) if perception else task
+        scores = tuple(run_episodes(seen, lambda o: agent(o, seen.program), condition, episodes))
     return Evaluation(condition, scores, references["random"], references["scripted"])
 
 
@@ -176,17 +182,21 @@ class TrainingScores:
     once, when they are first needed.
     """
 
-    def __init__(self, config: ArenaConfig, design: Design, episodes: int) -> None:
-        self.task = ReachTask(config, design, TRAINING_SCORES_SEED)
+    def __init__(
+        self, config: ArenaConfig, design: Design, episodes: int, perception: str = ""
+    ) -> None:
+        self.task = task_seen(config, design, TRAINING_SCORES_SEED, perception)
         self._episodes = episodes
         self._conditions = ("train", "eval") if design.held_out else ("train",)
 
     @cached_property
     def _references(self) -> dict[str, list[float]]:
         """The mean reward of each of REFERENCES, by condition."""
+        # References see the truth, and need no pictures.
+        told = ReachTask(self.task.config, self.task.design, self.task.seed)
         return {
             condition: [
-                float(rewards(reference_scores(self.task, name, condition, self._episodes)).mean())
+                float(rewards(reference_scores(told, name, condition, self._episodes)).mean())
                 for name in REFERENCES
             ]
             for condition in self._conditions

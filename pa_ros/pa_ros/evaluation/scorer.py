@@ -15,6 +15,7 @@ from pa_ros.evaluation.blind import BLIND, blind_policy
 from pa_ros.evaluation.evaluate import EPISODES_SEED, reference_policy, run_episodes
 from pa_ros.evaluation.scores import EpisodeScore
 from pa_ros.evaluation.tables import read_rows, write_rows
+from pa_ros.perception import task_seen
 
 MakePolicy = Callable[[], Callable[[Observation], Float64]]
 
@@ -27,6 +28,7 @@ class Benchmark:
     arena: ArenaConfig
     episodes: int = 100  # in each condition
     seed: int = EPISODES_SEED
+    perception: str = ""  # calibration of the agents' camera; empty: properties are told
 
     @property
     def digest(self) -> str:
@@ -49,7 +51,9 @@ class Scorer:
     def __init__(self, benchmark: Benchmark, cache: Path) -> None:
         self.benchmark = benchmark
         self._cache = cache / benchmark.digest
-        self._task = ReachTask(benchmark.arena, benchmark.design, benchmark.seed)
+        told = benchmark.arena, benchmark.design, benchmark.seed
+        self._task = ReachTask(*told)
+        self._seen = task_seen(*told, benchmark.perception) if benchmark.perception else self._task
 
     def reference(self, name: str, condition: str) -> list[EpisodeScore]:
         """Scores of one of `evaluate.REFERENCES` or `blind.BLIND`."""
@@ -62,13 +66,16 @@ class Scorer:
 
         def policy() -> Callable[[Observation], Float64]:
             act = agent.policy
-            return lambda observation: act(observation, self._task.program)
+            return lambda observation: act(observation, self._seen.program)
 
-        return self._scores(agent.key, condition, policy)
+        return self._scores(agent.key, condition, policy, self._seen)
 
-    def _scores(self, name: str, condition: str, policy: MakePolicy) -> list[EpisodeScore]:
+    def _scores(
+        self, name: str, condition: str, policy: MakePolicy, task: ReachTask | None = None
+    ) -> list[EpisodeScore]:
         path = self._cache / name / f"{condition}.csv"
         if not path.exists():
-            episodes = run_episodes(self._task, policy(), condition, self.benchmark.episodes)
+            asked = policy(), condition, self.benchmark.episodes
+            episodes = run_episodes(task or self._task, *asked)
             write_rows(path, list(episodes))
         return read_rows(path, EpisodeScore)

@@ -102,6 +102,14 @@ class Learner:
             else:
                 self._relabeler = Relabeler(*asked)
         self._dropout = None
+        if config.relabeling.property_dropout and not (
+            network.world.schema.tells_words or self._relabeler
+        ):
+            raise ConfigError(
+                "learner.relabeling.property_dropout: expected 0 without relabeling where "
+                "properties are seen, since it is not known which objects a program names, got "
+                f"{config.relabeling.property_dropout}"
+            )
         if config.relabeling.property_dropout and family_of(network).evaluates_programs:
             self._dropout = PropertyDropout(
                 self.table, network.world, config.relabeling.property_dropout
@@ -130,8 +138,10 @@ class Learner:
         program = self._row(trajectory.program)
         goals = NO_GOALS
         if self._relabeler is not None:
-            hand_pose = trajectory.arm[:, -POSE_WIDTH:]
-            goals = self._relabeler.masks(trajectory.objects, trajectory.hand_index, hand_pose)
+            seen, hand_pose = trajectory.objects, trajectory.arm[:, -POSE_WIDTH:]
+            goals = self._relabeler.masks(
+                seen, trajectory.hand_index, hand_pose, trajectory.measures
+            )
         self.replay.insert(trajectory, program, goals)
         before = replace(self.counters)
         self.counters.frames += len(trajectory)
@@ -209,7 +219,8 @@ class Learner:
                 self._scenes(*rows) if drawn is None else drawn.scenes(part)
             )
             if self._dropout and hidden is not None:
-                self._dropout.hide(hidden[part], objects, next_objects, program[part])
+                may_name = self.replay.may_name(rows[0])
+                self._dropout.hide(hidden[part], objects, next_objects, program[part], may_name)
             yield Batch(
                 objects=objects,
                 arm=arm,

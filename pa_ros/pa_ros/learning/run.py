@@ -46,9 +46,20 @@ class LearningRun:
         older = [PublishedPolicy(one, *ids, stamp_ns=now) for one in self.learner.published]
         return [*older[:-1], self.policy()]
 
-    def facts(self, started_s: float, seed: int, design: str, preset: str, arm: str) -> Facts:
-        """What a checkpoint holds beside the learner; `started_s`: on the steady clock."""
+    def facts(
+        self,
+        started_s: float,
+        seed: int,
+        design: str,
+        preset: str,
+        arm: str,
+        perception: str = "",
+    ) -> Facts:
+        """What a checkpoint holds beside the learner; `started_s`: on the steady clock.
+        `perception`: the calibration of a camera, empty if properties are told."""
+        seen = {"perception": perception} if perception else {}
         return {
+            **seen,
             "wall_s": time.monotonic() - started_s,
             "seed": seed,
             "design": design,

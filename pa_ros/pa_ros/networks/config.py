@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Final
+from typing import Annotated, Any, ClassVar, Final, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import OneOf, Settings, canonical_json, read_json
@@ -88,6 +88,15 @@ class NetworkConfig(NetworkSettings):
     """Actor and critic of one agent in one world: all that their tensors depend on."""
 
     world: World
+
+    @model_validator(mode="after")
+    def _learns_what_is_seen(self) -> Self:
+        if self.family != "programmable" and not self.world.schema.tells_words:
+            raise ValueError(
+                "family: expected 'programmable' where properties are seen and not told, got "
+                f"{self.family!r}"
+            )
+        return self
 
     @property
     def vocabulary(self) -> Vocabulary:

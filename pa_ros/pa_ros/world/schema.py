@@ -18,6 +18,7 @@ from pa_ros.language.vocabulary import Vocabulary, WordGroup
 
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 """Metres, then the orientation, both in the frame of the hand; qw >= 0."""
+MAX_SEEN = 240  # features of a group
 
 
 @dataclass(frozen=True)
@@ -81,12 +82,38 @@ class Real:
 
 
 @dataclass(frozen=True)
+class Seen:
+    """Numbers that a sensor makes of an object, such as a camera's. They tell no word: what words
+    mean of them must be learned, and only a verifier that knows the truth can say."""
+
+    width: int  # number of features
+    scale: float = 1.0  # network units per unit of the features
+    calibration: str = ""  # digest of what turns the sensor's data into the features
+
+    values: ClassVar[tuple[str, ...]] = ()
+    prototypes: ClassVar[dict[str, tuple[float, ...]]] = {}
+    tolerance: ClassVar[float] = 0.5  # has no meaning without values
+
+    def __post_init__(self) -> None:
+        if type(self.width) is not int or not 1 <= self.width <= MAX_SEEN:
+            raise ConfigError(f"seen features: width: expected 1 to {MAX_SEEN}, got {self.width!r}")
+
+    def names(self, group: str) -> tuple[str, ...]:
+        """Feature names, in column order."""
+        return tuple(f"{group}_{i}" for i in range(self.width))
+
+    def to_data(self) -> dict[str, Any]:
+        """As data for JSON."""
+        return {"seen": self.width, "scale": float(self.scale), "calibration": self.calibration}
+
+
+@dataclass(frozen=True)
 class PropertyGroup:
     """Values of which each object has exactly one, their words, and their features."""
 
     name: str
     words: tuple[str, ...]  # may include spare words, for values that do not exist yet
-    features: OneHot | Real
+    features: OneHot | Real | Seen
     bodiless: tuple[str, ...] = ()  # values of objects that the arm can neither touch nor move
 
     def __post_init__(self) -> None:
@@ -95,7 +122,7 @@ class PropertyGroup:
         width = len(self.features.names(self.name))
         if unknown := set(self.bodiless) - set(prototypes):
             raise ConfigError(f"{self}: bodiless: expected some of its values, got {unknown}")
-        if not prototypes or not width:
+        if not isinstance(self.features, Seen) and not (prototypes and width):
             raise ConfigError(f"{self}: expected at least one value and one feature, got none")
         for value, numbers in prototypes.items():
             if len(numbers) != width or not all(map(isfinite, numbers)):
@@ -194,7 +221,17 @@ class ObjectSchema:
     @cached_property
     def prototypes(self) -> tuple[Float32, ...]:
         """The features of each value, by group: [values, features of the group]."""
-        return tuple(np.array([*g.features.prototypes.values()], np.float32) for g in self)
+        return tuple(
+            np.array([*g.features.prototypes.values()], np.float32).reshape(
+                -1, len(g.features.names(g.name))
+            )
+            for g in self
+        )
+
+    @property
+    def tells_words(self) -> bool:
+        """Whether features say which words are true of an object."""
+        return not any(isinstance(group.features, Seen) for group in self)
 
     def features(self, values: Mapping[str, str]) -> Float32:
         """Features of an object with these values, its pose zero: [F].
@@ -271,6 +308,8 @@ def within(features: Any, prototypes: Any, tolerance: float) -> Any:
 def _group(data: dict[str, Any]) -> PropertyGroup:
     name, words = data.pop("name"), tuple(data.pop("words"))
     bodiless = tuple(data.pop("bodiless", ()))
+    if "seen" in data:
+        return PropertyGroup(name, words, Seen(data.pop("seen"), **data), bodiless)
     if "values" in data:
         return PropertyGroup(name, words, OneHot(tuple(data.pop("values")), **data), bodiless)
     numbers = {value: tuple(row) for value, row in data.pop("of")}

@@ -85,7 +85,7 @@ class Scoring:
         if moved is not None:
             pair = self._nearest(moved, named, relation, objects, hand_pose)
             return self._score(pair, threshold, REWARDED)
-        measures = self._measures(relation, objects, hand_pose)
+        measures = self.measures(relation, objects, hand_pose)
         # An object that is not named counts as infinitely far, so a program that names none is not
         # satisfied.
         nearest: Float64 = np.array(inf)
@@ -105,11 +105,11 @@ class Scoring:
         bits as for many states, but faster, and as numbers."""
         threshold = self.threshold(relation, between=moved is not None)
         if moved is None:
-            measures = self._measures(relation, objects, hand_pose).tolist()
+            measures = self.measures(relation, objects, hand_pose).tolist()
             return self._score(min([measures[i] for i in targets], default=inf), threshold)
         pairs = [(i, j) for i in moved for j in targets if i != j]
         first, second = objects[[i for i, _ in pairs]], objects[[j for _, j in pairs]]
-        measures = self._measures(relation, second, hand_pose, first).tolist()
+        measures = self.measures(relation, second, hand_pose, first).tolist()
         return self._score(min(measures, default=inf), threshold, REWARDED)
 
     def threshold(self, relation: str, between: bool = False) -> float:
@@ -132,21 +132,24 @@ class Scoring:
         """The least measure over pairs of a moved and another named object, [...]."""
         nearest: Float64 = np.array(inf)
         for i in range(objects.shape[-2]):
-            measures = self._measures(relation, objects, hand_pose, objects[..., i : i + 1, :])
+            measures = self.measures(relation, objects, hand_pose, objects[..., i : i + 1, :])
             for j in range(objects.shape[-2]):
                 if i != j:
                     pair = moved[..., i] & named[..., j]
                     nearest = np.minimum(nearest, np.where(pair, measures[..., j], inf))
         return nearest
 
-    def _measures(
+    def measures(
         self,
         relation: str,
         objects: Float32,
         hand_pose: Float64 | Float32 | None,
         moved: Float32 | None = None,
     ) -> Float64:
-        """The measure of each object, [..., N], to the hand or to `moved`."""
+        """The measure of each object [..., N, F], [..., N], to the hand or to `moved`.
+
+        `hand_pose` is as for scores, with as many dimensions as one object's features have.
+        """
         poses, meant, hand = objects[..., :POSE_WIDTH].astype(np.float64), RELATIONS[relation], None
         if meant.frame == "base" and hand_pose is not None:
             # Agents receive float32, and relabeling has no more precision than that.

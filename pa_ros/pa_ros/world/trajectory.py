@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pa_ros.core.experience import AgentKey, Float32, TrajectoryKey
+from pa_ros.core.experience import AgentKey, Float32, Float64, TrajectoryKey
 from pa_ros.language import Program
 
 
@@ -34,6 +34,8 @@ class Trajectory:
     held_from: int = 0  # the agent can still resend trajectories from this sequence number on
     first_of_run: int = 0  # sequence number of the agent's first for the run `run_id`
     stamp_ns: int = 0  # simulation time of row 0
+    measures: Float64 | None = None
+    """[T + 1, P], under each training program, as in `Verdict`; None: not said."""
 
     def __len__(self) -> int:
         return len(self.actions)

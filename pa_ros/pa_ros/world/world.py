@@ -110,14 +110,16 @@ class World:
             for group in self.schema
             for value in group.features.values
         ]
-        return np.array(rows, np.float32)
+        return np.array(rows, np.float32).reshape(-1, len(self.vocabulary.words))
 
     def truth(self, objects: Float32) -> Float32:
         """True properties [..., N, V] of objects [..., N, F]: 1 where a word is true, else 0.
 
         This is privileged information, for the verifier, relabeling and the distilled critic.
-        Spare words are true of no object.
+        Spare words are true of no object. ConfigError if features tell no words (schema.Seen).
         """
+        if not self.schema.tells_words:
+            raise ConfigError("truth: expected properties that are told, got ones that are seen")
         has = np.concatenate(self.schema.has(objects), -1)
         truth: Float32 = has.astype(np.float32) @ self.value_words
         return truth

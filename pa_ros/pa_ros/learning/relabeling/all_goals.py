@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.language import Program
+from pa_ros.learning.errors import LearningError
 from pa_ros.world import Scoring
-from pa_ros.world.programs import ProgramTable, crisp
+from pa_ros.world.measures import ProgramMeasures
 from pa_ros.world.world import World
 
 MAX_PROGRAMS = 64  # bits of a mask
@@ -33,6 +34,7 @@ class GoalMasks(NamedTuple):
     satisfied: UInt64  # [...] bits
     present: Any  # bits of the programs that name something: of a trajectory, or [...]
     rewards: Float32 | None = None  # [..., P]; None where a reward is a function of `satisfied`
+    may_name: UInt64 | None = None  # [N] bits of the programs that may name an object; None: told
 
 
 class Relabeler:
@@ -43,17 +45,9 @@ class Relabeler:
             raise ConfigError(
                 f"relabeling: expected 1 to {MAX_PROGRAMS} programs, got {len(programs)}"
             )
-        self._table = ProgramTable(world.vocabulary)
-        for program in programs:
-            self._table.add(program)
-        self._world = world
+        self._measures, self._world = ProgramMeasures(programs, world, scoring), world
         self._scoring = scoring
-        asked = self._table.relations()
-        self._of_relation = {
-            relation: np.flatnonzero(asked == row)
-            for relation, row in world.vocabulary.relation_row.items()
-        }
-        self._bits = np.arange(len(self._table), dtype=np.uint64)
+        self._bits = np.arange(len(self._measures), dtype=np.uint64)
         self._values: Float64 | None = None  # of a program not satisfied, and of one that is
         if not scoring.reward.uses_measure:
             self._values = scoring.reward(np.array([False, True]), np.array([inf, 0.0]))
@@ -61,28 +55,57 @@ class Relabeler:
     @property
     def rewards_kept(self) -> int:
         """Programs whose rewards masks hold: all, unless bits determine the rewards; then 0."""
-        return len(self._table) if self._values is None else 0
+        return len(self._measures) if self._values is None else 0
 
     def masks(
-        self, objects: Float32, hand_index: int, hand_pose: Float32 | None = None
+        self,
+        objects: Float32,
+        hand_index: int,
+        hand_pose: Float32 | None = None,
+        measures: Float64 | None = None,
     ) -> GoalMasks:
         """Which programs each row satisfies, [T + 1], which name something, and the rewards.
 
         `objects` is [T + 1, N, F] of one episode, where properties do not change; `hand_pose`
-        [T + 1, 7] is the hand's in the base's frame, where a relation asks for it.
+        [T + 1, 7] is the hand's in the base's frame, where a relation asks for it. Where features
+        tell no words, the verifier's `measures` [T + 1, P] say all that; raises LearningError
+        (learning.unjudged) without them.
         """
-        named = crisp(self._table.arrays(), self._world.truth(objects[0]).T, hand_index)  # [P, N]
-        satisfied = np.zeros((len(objects), len(named)), np.bool_)  # [T + 1, P]
-        earned = np.zeros(satisfied.shape)
-        pose = None if hand_pose is None else hand_pose[:, None]
-        for relation, rows in self._of_relation.items():
-            score = self._scoring(named[rows], objects[:, None], relation, pose)
-            satisfied[:, rows], earned[:, rows] = score.satisfied, score.reward
-        present, weights = named.any(-1), np.uint64(1) << self._bits
+        may_name = None
+        present: NDArray[np.bool_]
+        if self._world.schema.tells_words:
+            named = self._measures.named(objects[0], hand_index)  # [P, N]
+            measures = self._measures(named, objects, hand_pose)  # [T + 1, P]
+            present = np.asarray(named.any(-1))
+        else:
+            measures = self._published(measures, len(objects))
+            present = np.asarray(np.isfinite(measures[0]))
+            may = self._measures.may_be_named(measures, objects, hand_pose)
+            other = ~(np.uint64(1) << self._bits).sum()  # programs of which nothing is known
+            may_name = self._bits_of(may.T) | other  # [N]
+        satisfied: NDArray[np.bool_] = np.asarray(measures <= self._measures.thresholds)
         rewards = None
         if self._values is None:
+            earned = self._scoring.reward(satisfied, measures)
             rewards = np.where(present, earned, 0.0).astype(np.float32)
-        return GoalMasks(satisfied @ weights, int(present @ weights), rewards)
+        return GoalMasks(self._bits_of(satisfied), int(self._bits_of(present)), rewards, may_name)
+
+    def _published(self, measures: Float64 | None, rows: int) -> Float64:
+        """The verifier's measures, if they are those of the training programs."""
+        expected = rows, len(self._measures)
+        if measures is None or measures.shape != expected:
+            raise LearningError(
+                "trajectory: expected the verifier's measures of the "
+                f"{len(self._measures)} training programs, since what is seen tells no words, got "
+                f"{'none' if measures is None else f'shape {measures.shape}'}",
+                code="learning.unjudged",
+            )
+        return measures
+
+    def _bits_of(self, flags: NDArray[np.bool_]) -> UInt64:
+        """[..., P] as bits, [...]."""
+        bits: UInt64 = flags @ (np.uint64(1) << self._bits)
+        return bits
 
     def draw(
         self,

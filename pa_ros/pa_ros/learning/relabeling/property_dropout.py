@@ -27,21 +27,28 @@ class PropertyDropout:
     def __init__(self, table: ProgramTable, world: World, probability: float) -> None:
         self._table, self._schema, self._probability = table, world.schema, probability
         self._named: NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
-        self._kinds, groups = Kinds(world), len(world.schema.groups)
+        self._kinds = Kinds(world) if world.schema.tells_words else None
+        groups = len(world.schema.groups)
         sets = np.arange(1, 2**groups)
         gray = np.append(sets ^ sets >> 1, 0)  # neighbours differ in one group; the last is empty
         self._hidden = (gray[:, None] >> np.arange(groups) & 1).astype(np.bool_)
         self._ends = (sets / len(sets)).astype(np.float32)
 
     def hide(
-        self, drawn: Float32, objects: Float32, following: Float32, program: NDArray[np.int32]
+        self,
+        drawn: Float32,
+        objects: Float32,
+        following: Float32,
+        program: NDArray[np.int32],
+        may_name: NDArray[np.uint64] | None = None,
     ) -> None:
         """Clear properties of at most one block of each transition, before and after it, in place.
 
         `drawn` is [B, 2] of [0, 1): which groups, if any, and of which block. `objects` and
-        `following` are [B, N, F], `program` is [B, K], rows of the table.
+        `following` are [B, N, F], `program` is [B, K], rows of the table. `may_name` [B, N], where
+        features do not tell what a program names, are bits of the table's first programs.
         """
-        free = ~self._names(objects, program)
+        free = ~(self._names(objects, program) if may_name is None else _bits(may_name, program))
         free[:, HAND_INDEX] = False
         count = free.sum(1)
         block = (free.cumsum(1) > (drawn[:, 1] * count).astype(np.int64)[:, None]).argmax(1)
@@ -54,8 +61,17 @@ class PropertyDropout:
 
     def _names(self, objects: Float32, program: NDArray[np.int32]) -> NDArray[np.bool_]:
         """Blocks that one of a transition's programs names, [B, N]."""
+        assert self._kinds is not None
         if len(self._named) != len(self._table):
             self._named = self._kinds.named(self._table)
         kind = self._kinds.of(objects)
         named = self._named[program[:, :, None], kind[:, None]]  # [B, K, N]
         return np.asarray(named.any(1))
+
+
+def _bits(may_name: NDArray[np.uint64], program: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Blocks that one of a transition's programs may name, [B, N]; all for a program without a
+    bit."""
+    shift = np.minimum(program, 63).astype(np.uint64)[:, :, None]
+    named = (may_name[:, None] >> shift & np.uint64(1)).astype(np.bool_)
+    return np.asarray((named | (program >= 64)[:, :, None]).any(1))

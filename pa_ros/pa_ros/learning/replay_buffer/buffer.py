@@ -32,7 +32,8 @@ class ReplayBuffer:
     """Ring of the latest `capacity` observations of scenes with `n_objects` objects.
 
     The hand is stored first, whatever its index outside. If the number of objects is not given, the
-    first trajectory fixes it.
+    first trajectory fixes it. Where objects are found by a sensor, their number varies: it grows to
+    the largest, and in scenes with fewer objects the last one is stored again.
     """
 
     def __init__(
@@ -51,6 +52,8 @@ class ReplayBuffer:
         self.arrays: dict[str, NDArray[Any]] = {}
         self._kinds = Kinds(world) if world.vocabulary.moves_objects else None
         self._moved_rows: Int64 | None = None  # until the next insertion
+        self._n_is_known = world.schema.tells_words
+        """Whether every scene has the same number of objects."""
         if n_objects is not None:
             self._allocate(n_objects)
 
@@ -74,7 +77,7 @@ class ReplayBuffer:
             )
         found = trajectory.objects.shape[1]
         n_objects = self.arrays["objects"].shape[1] if self.arrays else found
-        if found != n_objects:
+        if found != n_objects and self._n_is_known:
             raise LearningError(
                 f"trajectory: expected {n_objects} objects, got {found}", code="learning.size"
             )
@@ -99,13 +102,18 @@ class ReplayBuffer:
         of its T + 1 rows.
         """
         self.ledger.record(trajectory.key, trajectory.held_from, trajectory.first_of_run)
+        n_objects = trajectory.objects.shape[1]
         if not self.arrays:
-            self._allocate(trajectory.objects.shape[1])
+            self._allocate(n_objects)
+        elif n_objects > self.arrays["objects"].shape[1]:
+            self._grow(n_objects)
+        n_objects = self.arrays["objects"].shape[1]
         # The ring overwrites the oldest rows. What stays of an older trajectory is still valid,
         # since a transition needs only the next row.
         index = (self.head + np.arange(len(trajectory) + 1)) % self.capacity
         arrays, last = self.arrays, index[-1]
-        arrays["objects"][index] = hand_first(trajectory.objects, trajectory.hand_index)
+        objects = hand_first(trajectory.objects, trajectory.hand_index)
+        arrays["objects"][index] = _repeated(objects, n_objects)
         arrays["arm"][index] = trajectory.arm
         arrays["action"][index[:-1]] = trajectory.actions
         arrays["reward"][index[:-1]] = trajectory.rewards
@@ -118,6 +126,9 @@ class ReplayBuffer:
         arrays["satisfied"][index], arrays["present"][index] = goals.satisfied, goals.present
         if goals.rewards is not None:
             arrays["goal_reward"][index] = goals.rewards
+        if goals.may_name is not None:
+            may_name = hand_first(goals.may_name[:, None], trajectory.hand_index)
+            arrays["may_name"][index] = _repeated(may_name, n_objects)[:, 0]
         if self._kinds is not None:
             arrays["left"][index] = np.arange(len(trajectory), -1, -1)
             arrays["kind"][index] = self._kinds.of(arrays["objects"][index])
@@ -138,6 +149,12 @@ class ReplayBuffer:
         while (again := np.flatnonzero(last[index])).size:
             index[again] = rng.integers(self.rows, size=again.size)
         return index
+
+    def may_name(self, index: Int64) -> NDArray[np.uint64] | None:
+        """Bits of the relabeling programs that may name each object of rows, [B, N]; None where
+        features tell it."""
+        stored = self.arrays.get("may_name")
+        return None if stored is None else stored[index]
 
     def following(self, index: Int64) -> Int64:
         """Row that the transition of each row leads to."""
@@ -168,6 +185,19 @@ class ReplayBuffer:
                 array[: self.rows] = arrays[name]
         self.ledger = Ledger.from_metadata(values["ledger"])
 
+    def _grow(self, n_objects: int) -> None:
+        """Store scenes of so many objects from now on."""
+        filled = self.filled()
+        self._allocate(n_objects)
+        for name, old in filled.items():
+            new = self.arrays[name][: self.rows]
+            if name == "objects":
+                new[:] = _repeated(old, n_objects)
+            elif name == "may_name":
+                new[:] = _repeated(old[..., None], n_objects)[..., 0]
+            else:
+                new[:] = old
+
     def _allocate(self, n_objects: int) -> None:
         shapes: dict[str, tuple[tuple[int, ...], Any]] = {
             "objects": ((n_objects, self.world.object_features), np.float32),
@@ -184,6 +214,8 @@ class ReplayBuffer:
             shapes["left"] = (), np.int32  # transitions from this row to the trajectory's end
             shapes["kind"] = (n_objects,), np.int16  # see relabeling.kinds
             shapes["moved"] = (n_objects,), np.bool_  # which blocks moved in its trajectory
+        if not self.world.schema.tells_words:
+            shapes["may_name"] = (n_objects,), np.uint64  # bit j: program j may name the object
         if self._goals:
             shapes["goal_reward"] = (self._goals,), np.float32  # of program j, at this row
         try:
@@ -206,7 +238,13 @@ def moved_objects(objects: NDArray[np.float32], arm: NDArray[np.float32]) -> NDA
     return moved
 
 
-def hand_first(objects: NDArray[np.float32], hand_index: int) -> NDArray[np.float32]:
+def _repeated(objects: NDArray[Any], count: int) -> NDArray[Any]:
+    """`count` objects on axis -2, of which there are fewer: the last one is repeated."""
+    which = np.minimum(np.arange(count), objects.shape[-2] - 1)
+    return objects if objects.shape[-2] == count else objects[..., which, :]
+
+
+def hand_first(objects: NDArray[Any], hand_index: int) -> NDArray[Any]:
     """Move the hand to index 0 of axis -2, keeping the order of the others."""
     if hand_index == 0:
         return objects

@@ -1,0 +1,103 @@
+"""Proposals: parts of a picture that may be objects, since the empty table does not look so."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pa_ros.core.experience import Float32, Float64
+from pa_ros.perception.view import BLOCK_M, PLANE_M, Mask, Picture, View
+
+UNLIKE_TABLE = 30  # least difference of a color, 0 to 255
+SMALLEST, LARGEST = 0.12, 1.75  # of a block's area: less is noise, more is several blocks
+CROP_M, CROP_PX = 0.10, 24  # of the square that is cut out around a blob
+COLORFUL = 90  # least saturation of pixels whose hue counts, 0 to 255
+HUES, HUES_SHIFT, HUE_WIDTH = 180, 8, 16  # OpenCV's hue is 0 to 179; red is around 0
+CORE = 0.7  # of the greatest distance to the edge: the middle of a block
+ONES = np.ones((3, 3), np.uint8)
+
+
+@dataclass(frozen=True)
+class Blob:
+    """What may be one object."""
+
+    xy: Float64  # [2] m on the table
+    crop: Float32  # [CROP_PX, CROP_PX, 3] in [0, 1]; 0 where it is not of the blob
+    mask: Float32  # [CROP_PX, CROP_PX] in [0, 1]
+    area: float  # in areas of a usual block
+    covered: bool  # in part, by the arm or by the picture's edge
+    box: tuple[int, int, int, int]  # left, top, right, bottom; px
+
+
+def blobs(view: View, picture: Picture, arm: Mask) -> list[Blob]:
+    """The blobs in a picture, without what shows the arm."""
+    view.check(picture)
+    covered = cv2.dilate(arm.astype(np.uint8), ONES)
+    unlike = np.abs(picture - view.empty).max(-1) > UNLIKE_TABLE
+    shown = (unlike & view.table & (covered == 0)).astype(np.uint8)
+    beside_arm = np.asarray(cv2.dilate(covered, ONES) > 0)
+    hsv = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2HSV), np.uint8)
+    count, labels, stats, middles = cv2.connectedComponentsWithStats(shown, connectivity=8)
+    found = []
+    for i in range(1, count):
+        x, y, w, h, area = map(int, stats[i])
+        xy = view.on_plane(middles[i, 0], middles[i, 1], PLANE_M)
+        block = (BLOCK_M * view.pixels_per_m(xy)) ** 2  # px
+        if area < SMALLEST * block:
+            continue
+        window = slice(y, y + h), slice(x, x + w)
+        whole = labels[window] == i
+        parts = _split(whole, hsv[window], block) if area > LARGEST * block else [whole]
+        for part in parts:
+            if part.sum() >= SMALLEST * block:
+                mask = np.zeros(shown.shape, np.bool_)
+                mask[window] = part
+                found.append(_blob(view, picture, mask, beside_arm))
+    return found
+
+
+def _blob(view: View, picture: Picture, mask: Mask, beside_arm: Mask) -> Blob:
+    v, u = np.nonzero(mask)
+    left, top, right, bottom = int(u.min()), int(v.min()), int(u.max()), int(v.max())
+    at_edge = left == 0 or top == 0 or right == view.width - 1 or bottom == view.height - 1
+    middle = float(u.mean()), float(v.mean())
+    xy = view.on_plane(*middle, PLANE_M)
+    scale = view.pixels_per_m(xy)
+    zoom = CROP_PX / (CROP_M * scale)
+    shift = [(CROP_PX - 1) / 2 - zoom * x for x in middle]
+    to_crop = np.array([[zoom, 0.0, shift[0]], [0.0, zoom, shift[1]]])
+    cut: list[Float32] = [
+        np.asarray(cv2.warpAffine(image, to_crop, (CROP_PX, CROP_PX)) / 255, np.float32)
+        for image in (picture * mask[..., None], mask.astype(np.uint8) * 255)
+    ]
+    area = len(u) / (BLOCK_M * scale) ** 2
+    covered = at_edge or bool((mask & beside_arm).any())
+    return Blob(xy, cut[0], cut[1], area, covered, (left, top, right, bottom))
+
+
+def _split(whole: Mask, hsv: NDArray[np.uint8], block: float) -> Iterator[Mask]:
+    """The parts of blocks that touch: by hue, and where the hue is the same, by their middles."""
+    colorful = whole & (hsv[..., 1] > COLORFUL)
+    hue = (hsv[..., 0].astype(int) + HUES_SHIFT) % HUES // HUE_WIDTH
+    of_hue = [colorful & (hue == one) for one in np.unique(hue[colorful])]
+    groups = [part for part in of_hue if part.sum() > 0.25 * block] or [whole]
+    for group in _nearest(groups, whole):
+        if group.sum() <= LARGEST * block:
+            yield group
+            continue
+        inner = cv2.distanceTransform(np.pad(group.astype(np.uint8), 1), cv2.DIST_L2, 5)
+        inner = inner[1:-1, 1:-1]
+        count, cores = cv2.connectedComponents((inner > CORE * inner.max()).astype(np.uint8))
+        yield from _nearest([cores == i for i in range(1, count)], group)
+
+
+def _nearest(cores: list[Mask], whole: Mask) -> Iterator[Mask]:
+    """Each pixel of `whole` goes to the nearest of several cores."""
+    away = [cv2.distanceTransform((~core).astype(np.uint8), cv2.DIST_L2, 3) for core in cores]
+    nearest = np.argmin(away, 0)
+    for i in range(len(cores)):
+        yield whole & (nearest == i)

@@ -1,0 +1,190 @@
+"""From what blobs look like to features of one size, and which looks are unlike all that is known.
+
+Made once, from pictures of scenes with known blocks; nobody says which block is which. It travels
+with a checkpoint as text, and its digest is part of the world, so that agents, learner and camera
+agree on it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from base64 import b64decode, b64encode
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import Float32, Float64
+from pa_ros.core.settings import canonical_json, read_json
+from pa_ros.perception.blobs import Blob
+from pa_ros.perception.errors import PerceptionError
+from pa_ros.perception.looks import CHANNELS
+from pa_ros.world.schema import ObjectSchema, PropertyGroup, Seen
+
+FORMAT = 1  # of the text, and of the numbers that `looks` and `blobs` compute
+FEATURES = 12  # of a channel, at most
+NORM = 4.0  # root mean square of a channel's features, in network units
+FARTHEST = 4.0  # standard deviations
+LEAST_SPREAD = 2e-3  # numbers that vary less say nothing
+FEWEST, MOST = 40, 300  # blobs that a calibration is made from
+USUAL = 0.99  # of known blobs are as near to another one as `usual` says
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """Of D numbers of a look to W features: z-scores, projected, and zero for what is novel."""
+
+    mean: Float32  # [D]
+    rate: Float32  # [D], 1 / standard deviation; 0: not used
+    axes: Float32  # [W, D]
+    known: Float32  # [K, W]: the features of the blobs of the calibration
+    novel: Float32  # []: farther than this from all that is known
+
+    @classmethod
+    def of(cls, looks: Float64) -> Channel:
+        """Of looks [K, D] of known blobs."""
+        spread = looks.std(0)
+        rate = np.where(spread > LEAST_SPREAD, 1 / np.maximum(spread, LEAST_SPREAD), 0.0)
+        scores = _scores(looks, looks.mean(0), rate)
+        axes = np.eye(looks.shape[1])
+        if len(axes) > FEATURES:  # principal components, each with variance 1
+            _, sizes, axes = np.linalg.svd(scores, full_matrices=False)
+            axes = axes[:FEATURES] * (len(looks) ** 0.5 / sizes[:FEATURES, None])
+        features = np.clip(scores @ axes.T, -FARTHEST, FARTHEST)
+        axes = axes * (NORM / np.sqrt((features**2).sum(1).mean()))
+        known = scores @ axes.T
+        apart = np.linalg.norm(known[:, None] - known[None], axis=-1)
+        usual, far = np.quantile(_nearest_other(apart), USUAL), np.median(apart)
+        # Between how near known blobs are to each other and how far they are apart.
+        arrays = looks.mean(0), rate, axes, known, np.sqrt(usual * far)
+        return cls(*(np.array(array, np.float32) for array in arrays))
+
+    def novelty(self, look: Float64) -> float:
+        """How far a look is from the nearest that is known; novel if more than 1."""
+        return self._novelty(self._features(look))
+
+    def __call__(self, look: Float64) -> Float32:
+        """The features of a look [D], [W]; zero if it is novel, as if nothing had been seen."""
+        features = self._features(look)
+        if self._novelty(features) > 1:
+            return np.zeros(len(features), np.float32)
+        return features.astype(np.float32)
+
+    @property
+    def width(self) -> int:
+        """Number of features, W."""
+        return len(self.axes)
+
+    def _features(self, look: Float64) -> Float64:
+        return _scores(look, self.mean, self.rate) @ np.float64(self.axes).T
+
+    def _novelty(self, features: Float64) -> float:
+        return float(np.linalg.norm(self.known - features, axis=-1).min() / self.novel)
+
+
+def _scores(looks: Float64, mean: Any, rate: Any) -> Float64:
+    return np.asarray(np.clip((looks - mean) * rate, -FARTHEST, FARTHEST))
+
+
+def _nearest_other(apart: Float64) -> Float64:
+    return np.asarray(np.min(apart + np.diag(np.full(len(apart), np.inf)), axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """How one camera of one arena sees: a channel for each property group."""
+
+    view: str
+    width: int  # of pictures, px
+    height: int
+    channels: dict[str, Channel]
+
+    @classmethod
+    def of(cls, view: str, size: tuple[int, int], blobs: Sequence[Blob]) -> Calibration:
+        """Of blobs of known blocks that nothing covers. PerceptionError if they are too few."""
+        if len(blobs) < FEWEST:
+            raise PerceptionError(
+                f"calibration: expected at least {FEWEST} blobs, found {len(blobs)}: does camera "
+                f"{view!r} see the table?",
+                code="perception.calibration",
+            )
+        looks = {
+            name: np.stack([look(blob) for blob in blobs[:MOST]]) for name, look in CHANNELS.items()
+        }
+        return cls(view, *size, {name: Channel.of(x) for name, x in looks.items()})
+
+    def features(self, blob: Blob) -> Float32:
+        """The properties of a blob, in the order of the schema's columns."""
+        return np.concatenate([self.channels[name](look(blob)) for name, look in CHANNELS.items()])
+
+    def schema(self, told: ObjectSchema) -> ObjectSchema:
+        """The schema of what is seen in place of one in which properties are told.
+
+        ConfigError unless it has the groups that this camera sees.
+        """
+        if [group.name for group in told] != list(self.channels) or told.bodiless:
+            raise ConfigError(
+                f"perception: expected a design with the property groups {list(self.channels)} and "
+                f"no places, got {[group.name for group in told]}"
+            )
+        seen = {name: Seen(x.width, calibration=self.digest) for name, x in self.channels.items()}
+        return ObjectSchema(
+            tuple(PropertyGroup(group.name, group.words, seen[group.name]) for group in told)
+        )
+
+    @cached_property
+    def digest(self) -> str:
+        """16 hexadecimal digits, the same for equal calibrations only."""
+        return hashlib.sha256(self.to_text().encode()).hexdigest()[:16]
+
+    def to_text(self) -> str:
+        """As one line of JSON."""
+        channels = {
+            name: {f.name: _to_data(getattr(channel, f.name)) for f in fields(channel)}
+            for name, channel in self.channels.items()
+        }
+        size = {"width": self.width, "height": self.height}
+        return canonical_json({"format": FORMAT, "view": self.view, **size, "channels": channels})
+
+    @classmethod
+    def from_text(cls, text: str) -> Calibration:
+        """The inverse of `to_text`; PerceptionError for other text."""
+        try:
+            data = dict(read_json(text))
+            if data.pop("format") != FORMAT:
+                raise ValueError(f"expected format {FORMAT}")
+            channels = {
+                name: _channel({k: _from_data(x) for k, x in parts.items()})
+                for name, parts in data.pop("channels").items()
+            }
+            if set(channels) != set(CHANNELS):
+                raise ValueError(f"expected channels {list(CHANNELS)}")
+            return cls(**data, channels={name: channels[name] for name in CHANNELS})
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            raise PerceptionError(
+                f"calibration: expected what a training run wrote: {error!r}, got {text[:80]!r}",
+                code="perception.calibration",
+            ) from error
+
+
+def _channel(parts: dict[str, Float32]) -> Channel:
+    channel = Channel(**parts)
+    (numbers,), (wide, deep) = channel.mean.shape, channel.axes.shape
+    fits = channel.rate.shape == (numbers,) and deep == numbers and channel.known.ndim == 2
+    if not (fits and channel.known.shape[1] == wide and channel.novel.shape == ()):
+        raise ValueError("expected arrays that fit each other")
+    if not all(np.isfinite(x).all() for x in parts.values()) or not channel.novel > 0:
+        raise ValueError("expected finite numbers and a positive threshold")
+    return channel
+
+
+def _to_data(array: Float32) -> dict[str, Any]:
+    return {"shape": list(array.shape), "float32": b64encode(array.tobytes()).decode()}
+
+
+def _from_data(data: dict[str, Any]) -> Float32:
+    numbers = np.frombuffer(b64decode(data["float32"], validate=True), "<f4")
+    return numbers.reshape(data["shape"]).astype(np.float32)

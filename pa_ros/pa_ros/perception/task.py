@@ -1,0 +1,80 @@
+"""The reaching task seen by a camera: what agents observe of blocks is what pictures show.
+
+Privileged, as in the paper: the verifier, which scores the true state.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from pa_ros.arena import ArenaConfig, Design, Episode, ReachTask
+from pa_ros.core.experience import Observation, Verdict
+from pa_ros.perception.blobs import Blob, blobs
+from pa_ros.perception.calibration import MOST, Calibration
+from pa_ros.perception.sight import Sight
+from pa_ros.perception.view import View
+from pa_ros.world import Reward
+from pa_ros.world.world import World
+
+CALIBRATION_SEED = 3_000_003  # of scenes that neither training nor evaluation sees
+SCENES = 100
+LOOK_EVERY = 10  # steps between pictures, while something may be hidden
+
+
+class CameraTask(ReachTask):
+    """`ReachTask`, observed through a camera."""
+
+    def __init__(
+        self,
+        config: ArenaConfig,
+        design: Design,
+        seed: int,
+        calibration: Calibration,
+        reward: Reward | None = None,
+    ) -> None:
+        """RenderError where there is no OpenGL, ConfigError for a design that is not seen."""
+        self.seen_schema = calibration.schema(design.schema)
+        super().__init__(config, design, seed, reward, measures_programs=True)
+        size = calibration.width, calibration.height
+        self.sight = Sight(View(config, calibration.view, *size), config, calibration)
+        # Blocks that the arm touches may move, so every step is looked at.
+        self._every = 1 if config.arm_touches_blocks else LOOK_EVERY
+        self.pictures = 0
+
+    @property
+    def world(self) -> World:
+        """The facts that agents and learners of this task must agree on."""
+        return replace(super().world, schema=self.seen_schema)
+
+    def reset_to(self, episode: Episode) -> tuple[Observation, Verdict]:
+        self.sight.begin()
+        return super().reset_to(episode)
+
+    def _observe(self) -> tuple[Observation, Verdict]:
+        true, verdict = super()._observe()
+        if self._step % self._every == 0 and not (self._every > 1 and self.sight.complete):
+            simulation = self.simulation
+            picture = self.sight.view.take(simulation.model, simulation.data)
+            self.sight.look(picture, true.joint_position)
+            self.pictures += 1
+        return replace(true, objects=self.sight.objects(true.hand_pose)), verdict
+
+
+def calibrate(
+    config: ArenaConfig, design: Design, view: str, px: int, enough: int = MOST
+) -> Calibration:
+    """Look at training scenes until `enough` blobs were seen. RenderError where there is no OpenGL,
+    PerceptionError for a camera that sees no blocks."""
+    task, camera = ReachTask(config, design, CALIBRATION_SEED), View(config, view, px, px)
+    found: list[Blob] = []
+    try:
+        for index in range(SCENES):
+            seen, _ = task.reset(index)
+            picture = camera.take(task.simulation.model, task.simulation.data)
+            every = blobs(camera, picture, camera.arm(seen.joint_position))
+            found += [blob for blob in every if not blob.covered]
+            if len(found) >= enough:
+                break
+    finally:
+        camera.close()
+    return Calibration.of(view, (px, px), found)

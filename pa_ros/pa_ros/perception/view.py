@@ -1,0 +1,100 @@
+"""One camera over the table: where a pixel's ray meets the table, and how the arm looks to it.
+
+The arm's own model is rendered at the measured joint angles, so that what is seen of it is not
+taken for an object. Privileged information about blocks is not used.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from pa_ros.arena.camera import Camera, intrinsics, optical_pose
+from pa_ros.arena.config import ArenaConfig
+from pa_ros.arena.model import TABLE_SIDE_M, build
+from pa_ros.core.experience import Float64
+from pa_ros.perception.errors import PerceptionError
+
+Picture = NDArray[np.uint8]  # RGB, [height, width, 3]
+Mask = NDArray[np.bool_]  # [height, width]
+
+BLOCK_M = 0.06  # side of a usual block, the unit of areas
+PLANE_M = 0.03  # height at which the middle of what is seen is taken to be
+MARGIN_M = 0.01  # at the table's edge
+OF_ARM = 8  # least difference of a color (0 to 255) that shows the arm's model
+
+
+class View:
+    """A calibrated camera: its matrix, its pose, the empty table, and the arm's model."""
+
+    def __init__(self, config: ArenaConfig, view: str, width: int, height: int) -> None:
+        """`view` is a camera of the arena. RenderError where there is no OpenGL."""
+        self.width, self.height = width, height
+        self._model = build(config, [])
+        self._data = mujoco.MjData(self._model)
+        self._joints = config.joints
+        self._camera = Camera(self._model, view, width, height)
+        self._matrix = intrinsics(self._model, view, width, height)
+        pose, turn = optical_pose(self._model, view), np.zeros(9)
+        mujoco.mju_quat2Mat(turn, np.roll(pose.quaternion, 1))
+        self._place, self._turn = pose.position, turn.reshape(3, 3)  # columns: optical axes
+        self.empty = self._empty_table()
+        v, u = np.mgrid[:height, :width]
+        x, y = np.moveaxis(self.on_plane(u, v, 0.0), -1, 0)
+        reach = TABLE_SIDE_M / 2 - MARGIN_M
+        with np.errstate(invalid="ignore"):  # a ray above the horizon meets no table
+            self.table: Mask = (abs(x) < reach) & (abs(y) < reach)
+
+    def close(self) -> None:
+        """Free the resources of OpenGL."""
+        self._camera.close()
+
+    def check(self, picture: Picture) -> None:
+        """Raise PerceptionError unless a picture has this camera's size."""
+        if picture.shape != self.empty.shape:
+            raise PerceptionError(
+                f"picture: expected RGB of {self.width} x {self.height} px, as calibrated, got "
+                f"shape {picture.shape}",
+                code="perception.picture",
+            )
+
+    def arm(self, joint_position: Float64) -> Mask:
+        """The pixels that show the arm at these joint positions (rad)."""
+        self._data.qpos[: self._joints] = joint_position
+        shown = self.take(self._model, self._data).astype(np.int16)
+        arm: Mask = np.abs(shown - self.empty).max(-1) > OF_ARM
+        return arm
+
+    def on_plane(self, u: Any, v: Any, height: float) -> Float64:
+        """Where the rays of pixels meet the plane at a height: x y, [..., 2] m; NaN: nowhere."""
+        (fx, _, cx), (_, fy, cy) = self._matrix[:2]
+        ray = np.stack(np.broadcast_arrays((u - cx) / fx, (v - cy) / fy, 1.0), -1) @ self._turn.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along = (height - self._place[2]) / ray[..., 2]
+        along = np.where(along > 0, along, np.nan)
+        met: Float64 = self._place[:2] + along[..., None] * ray[..., :2]
+        return met
+
+    def pixels_per_m(self, xy: Float64) -> float:
+        """How large a metre at a place on the table is in the picture."""
+        away = np.array([*xy, PLANE_M]) - self._place
+        return float(self._matrix[0, 0] / (away @ self._turn[:, 2]))
+
+    def take(self, model: mujoco.MjModel, data: mujoco.MjData) -> Picture:
+        """A picture of any state of this arena."""
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_camlight(model, data)
+        return self._camera.of(model, data)
+
+    def _empty_table(self) -> NDArray[np.int16]:
+        """The picture without arm and blocks."""
+        alpha = self._model.geom_rgba[:, 3].copy()
+        for i in range(self._model.ngeom):
+            if self._model.geom(i).name not in ("floor", "table"):
+                self._model.geom_rgba[i, 3] = 0.0
+        empty = self.take(self._model, self._data).astype(np.int16)
+        self._model.geom_rgba[:, 3] = alpha
+        return empty

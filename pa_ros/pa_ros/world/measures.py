@@ -1,0 +1,72 @@
+"""How far every training program is from holding, for relabeling."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import Float32, Float64
+from pa_ros.language import Program
+from pa_ros.world.programs import ProgramTable, crisp
+from pa_ros.world.scoring import Scoring
+from pa_ros.world.world import World
+
+SAME = 0.15  # of a threshold: measures that differ by less may be of the same object
+
+
+class ProgramMeasures:
+    """The P training programs of a world in which programs move the hand, in order.
+
+    The measure of a program is the verifier's (`Scoring`): the least among the objects that it
+    names, infinite if it names none. It holds if that is at most its threshold.
+    """
+
+    def __init__(self, programs: Sequence[Program], world: World, scoring: Scoring) -> None:
+        if world.vocabulary.moves_objects:
+            raise ConfigError("measures: expected programs that move the hand, got ones that push")
+        self._table = ProgramTable(world.vocabulary)
+        for program in programs:
+            self._table.add(program)
+        self._world, self._scoring = world, scoring
+        asked = self._table.relations()
+        self._of_relation = {
+            relation: np.flatnonzero(asked == row)
+            for relation, row in world.vocabulary.relation_row.items()
+        }
+        self.thresholds = np.array([scoring.threshold(p.relation) for p in self._table.programs])
+
+    def __len__(self) -> int:
+        return len(self._table)
+
+    def named(self, objects: Float32, hand_index: int) -> NDArray[np.bool_]:
+        """Which objects [N, F] each program names, [P, N]; ConfigError if nothing tells it."""
+        return crisp(self._table.arrays(), self._world.truth(objects).T, hand_index)
+
+    def __call__(
+        self, named: NDArray[np.bool_], objects: Float32, hand_pose: Float64 | Float32 | None
+    ) -> Float64:
+        """Measures [..., P] of states [..., N, F], given which objects each program names."""
+        measures = np.zeros((*objects.shape[:-2], len(named)))
+        pose = None if hand_pose is None else hand_pose[..., None, :]
+        for relation, rows in self._of_relation.items():
+            score = self._scoring(named[rows], objects[..., None, :, :], relation, pose)
+            measures[..., rows] = score.measure
+        return measures
+
+    def may_be_named(
+        self, measures: Float64, objects: Float32, hand_pose: Float32 | None
+    ) -> NDArray[np.bool_]:
+        """Which objects [T, N, F] each program may name, [P, N], given its measures [T, P] only.
+
+        That is where an object's own measure mostly is the program's.
+        """
+        may = np.zeros((len(self), objects.shape[1]), np.bool_)
+        for relation, rows in self._of_relation.items():
+            own = self._scoring.measures(relation, objects, hand_pose)  # [T, N]
+            with np.errstate(invalid="ignore"):  # inf - inf
+                apart = np.median(np.abs(own[:, None] - measures[:, rows, None]), axis=0)
+            may[rows] = apart < SAME * self.thresholds[rows, None]
+        return may

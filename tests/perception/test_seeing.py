@@ -1,0 +1,144 @@
+"""Pictures of the arena: blocks are found, told apart, and kept in their rows."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pa_ros.arena import (
+    Block,
+    Kind,
+    ReachTask,
+    design_named,
+    preset_named,
+    scripted_action,
+    training_programs,
+)
+from pa_ros.core.errors import ConfigError
+from pa_ros.perception.blobs import Blob, blobs
+from pa_ros.perception.calibration import Calibration
+from pa_ros.perception.errors import PerceptionError
+from pa_ros.perception.task import CameraTask
+from pa_ros.perception.view import View
+from pa_ros.world.poses import in_base
+from pa_ros.world.schema import Seen
+
+CONFIG, DESIGN = preset_named("fast"), design_named("3-D")
+PROGRAMS = training_programs(DESIGN)
+
+
+@pytest.fixture(scope="module")
+def seen(calibration: Calibration) -> Iterator[CameraTask]:
+    task = CameraTask(CONFIG, DESIGN, 7, calibration)
+    yield task
+    task.sight.view.close()
+
+
+def found_in(view: View, task: ReachTask) -> Iterator[tuple[Blob, int, float]]:
+    """Blobs, each with the block nearest to it and how far that is, m."""
+    picture = view.take(task.simulation.model, task.simulation.data)
+    true = task.simulation.positions[1:, :2]
+    for blob in blobs(view, picture, view.arm(task.simulation.joint_position)):
+        apart = np.linalg.norm(true - blob.xy, axis=1)
+        yield blob, int(apart.argmin()), float(apart.min())
+
+
+def test_blocks_are_found_where_they_are_and_the_arm_is_not_one_of_them(seen: CameraTask) -> None:
+    errors, blocks = [], 0
+    for episode in range(5):
+        seen.reset(episode, "blocks-8")
+        found = list(found_in(seen.sight.view, seen))
+        blocks += len(seen.episode.blocks)
+        assert len({block for _, block, _ in found}) == len(found)
+        errors += [apart for _, _, apart in found]
+    assert max(errors) < 0.03 and np.median(errors) < 0.002
+    assert len(errors) >= 0.9 * blocks  # the arm hides some
+
+
+@pytest.mark.parametrize("kinds", ["RED CUBE, BLUE CYLINDER", "RED CYLINDER, RED CYLINDER"])
+def test_blocks_that_touch_are_two(seen: CameraTask, kinds: str) -> None:
+    seen.reset(0)
+    away = np.arctan2(*seen.simulation.positions[0, 1::-1]) + np.pi  # from the arm
+    x, y = 0.4 * np.cos(away), 0.4 * np.sin(away)
+    pair = tuple(
+        Block(Kind(color=kind.split()[0], shape=kind.split()[1]), x, y + 0.061 * i, 0.0)
+        for i, kind in enumerate(kinds.split(", "))
+    )
+    seen.simulation.place(replace(seen.episode, blocks=pair))
+    found = [block for _, block, apart in found_in(seen.sight.view, seen) if apart < 0.015]
+    assert sorted(found) == [0, 1]
+
+
+def test_looks_unlike_all_that_is_known_are_zero_and_known_ones_are_not(seen: CameraTask) -> None:
+    """The threshold comes from known blocks alone; colors and shapes of others are new."""
+    zero: dict[tuple[str, bool], list[bool]] = {}
+    for episode in range(6):
+        seen.reset(episode, "reach-new-both" if episode % 2 else "reach-new-shape")
+        for blob, block, _ in found_in(seen.sight.view, seen):
+            kind = seen.episode.blocks[block].kind
+            for group, part in seen.seen_schema.slices.items():
+                row = seen.sight.calibration.features(blob)[part.start - 7 : part.stop - 7]
+                is_new = kind[group] == DESIGN.novel[group]
+                if not blob.covered:
+                    zero.setdefault((group, is_new), []).append(not row.any())
+    assert {key: np.mean(value) > 0.5 for key, value in zero.items()} == {
+        ("shape", True): True, ("shape", False): False,
+        ("color", True): True, ("color", False): False,
+    }  # fmt: skip
+    assert np.mean(zero["shape", False] + zero["color", False]) < 0.05
+
+
+def test_observations_tell_places_but_no_words(seen: CameraTask) -> None:
+    observation, verdict = seen.reset(3)
+    tracks = len(seen.sight.tracker.tracks)
+    assert observation.objects.shape == (1 + tracks, seen.world.object_features)
+    poses = observation.objects[1:, :7].astype(np.float64)
+    places = in_base(observation.hand_pose, poses)[:, :3]
+    true = seen.simulation.positions[1:]
+    assert all(np.linalg.norm(true - place, axis=1).min() < 0.02 for place in places)
+    assert [type(group.features) for group in seen.seen_schema] == [Seen, Seen]
+    with pytest.raises(ConfigError, match="expected properties that are told"):
+        seen.world.truth(observation.objects)
+
+
+def test_a_program_holds_where_its_measure_is_within_the_threshold(
+    seen: CameraTask,
+) -> None:
+    seen.reset(2)
+    for _ in range(30):
+        _, verdict = seen.step(scripted_action(seen))
+    assert verdict.measures is not None
+    own = verdict.measures[list(map(str, PROGRAMS)).index(str(seen.program))]
+    assert own == verdict.distance and verdict.satisfied == (own <= 0.2)
+    present = {kind["color"] + kind["shape"] for kind in (b.kind for b in seen.episode.blocks)}
+    named = {
+        k["color"] + k["shape"]
+        for k, m in zip(DESIGN.train, verdict.measures, strict=True)
+        if m < np.inf
+    }
+    assert named == present & {k["color"] + k["shape"] for k in DESIGN.train}
+
+
+def test_it_looks_until_nothing_can_be_hidden_and_rows_keep_their_objects(
+    seen: CameraTask,
+) -> None:
+    first, _ = seen.reset(1)
+    rows = len(seen.sight.tracker.tracks)
+    before = [track.xy for track in seen.sight.tracker.tracks]
+    for _ in range(60):
+        seen.step(np.array(CONFIG.joint_speed_limits) * (1, 0, 0, 0, 0, 0))
+    assert seen.sight.complete
+    after = [track.xy for track in seen.sight.tracker.tracks]
+    assert len(after) == len(seen.episode.blocks) >= rows
+    assert np.allclose(before, after[:rows], atol=0.02)
+
+
+def test_a_picture_of_another_size_is_rejected(seen: CameraTask) -> None:
+    with pytest.raises(PerceptionError, match="expected RGB of 240 x 240 px, as calibrated, got"):
+        seen.sight.look(np.zeros((120, 160, 3), np.uint8), np.zeros(6))
+
+
+def test_a_design_with_other_properties_is_rejected(calibration: Calibration) -> None:
+    with pytest.raises(ConfigError, match=r"expected a design with the property groups \['shape'"):
+        CameraTask(preset_named("push"), design_named("push-2"), 0, calibration)

@@ -1,0 +1,70 @@
+"""A run from pictures: trained, resumed and scored in one process."""
+
+from pathlib import Path
+
+import pytest
+
+from pa_ros.cli import main as cli
+from pa_ros.evaluation.agents import load_agent
+from pa_ros.networks.config import actor_config
+from pa_ros.perception.calibration import Calibration
+
+TRAIN = ["train", "--design", "3-D", "--perception", "camera"]
+
+
+@pytest.fixture(autouse=True)
+def calibrated_before(calibration: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pa_ros.cli.train.calibrated", lambda *_: calibration.to_text())
+
+
+def test_an_agent_trained_from_pictures_keeps_its_camera(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = [
+        "train",
+        "--design",
+        "3-D",
+        "--perception",
+        "camera",
+        "--out",
+        str(tmp_path),
+        "--eval-every",
+        "0",
+    ]
+    settings = ["--learner.replay.warmup_frames", "200", "--network.hidden", "16"]
+    assert cli.main([*run, *settings, "--frames", "300"]) == 0
+    agent = load_agent(tmp_path)
+    world = actor_config(agent.snapshot.architecture).world
+    assert agent.perception and not world.schema.tells_words
+    assert cli.main([*run, *settings, "--frames", "400", "--resume"]) == 0
+    assert load_agent(tmp_path).perception == agent.perception
+    scored = ["eval", "--checkpoint", str(tmp_path), "--condition", "blocks-3", "--episodes", "1"]
+    assert cli.main(scored) == 0
+    assert "1 episodes" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        (["--record", "bag"], "--record: expected --perception told"),
+        (["--from-bag", "bag"], "--perception: expected told with --from-bag"),
+        (["--network", "canonical"], "family: expected 'programmable' where properties are"),
+        (["--learner.relabeling.rule", "none"], "property_dropout: expected 0 without relabeling"),
+    ],
+)
+def test_what_a_camera_cannot_do_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], why: str
+) -> None:
+    run = [
+        "train",
+        "--design",
+        "3-D",
+        "--perception",
+        "camera",
+        "--out",
+        str(tmp_path / "run"),
+        "--frames",
+        "100",
+    ]
+    assert cli.main([*run, *options]) == 2
+    assert why in capsys.readouterr().err
