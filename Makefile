@@ -101,7 +101,7 @@ COLCON_ENV := env -u PYTHONPATH -u LD_LIBRARY_PATH -u COLCON_PREFIX_PATH -u ROS_
   AMENT_PREFIX_PATH=$(COLCON)/venv CMAKE_PREFIX_PATH=$(COLCON)/venv PATH=$(COLCON)/venv/bin:$(PATH)
 colcon: install-dev $(COLCON)/.ready  ## build all packages with colcon, and test them
 	cd $(COLCON) && $(COLCON_ENV) colcon build --event-handlers console_cohesion+ \
-	  --paths $(addprefix $(CURDIR)/,msgs_schema pa_ros sim_node agent_node learner_node) \
+	  --paths $(addprefix $(CURDIR)/,msgs_schema msgs_schema/standard/* pa_ros sim_node agent_node learner_node) \
 	  --cmake-args -DCMAKE_BUILD_TYPE=Release -DPython3_EXECUTABLE=$(COLCON)/venv/bin/python
 	$(BIN)/python -m pytest -q -p no:xdist tests/ros/colcon_built.py
 

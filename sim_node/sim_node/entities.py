@@ -57,13 +57,12 @@ class Entities:
         design = self._session.task.design
         return {_uri_of(kind): kind for kind in (*design.extended_pool, *design.places)}
 
-    def put(self, name: str, pose: Body | None = None, twist: Body | None = None) -> None:
-        """Change the pose of a block, its velocity, or both."""
+    def put(self, name: str, body: Body) -> None:
+        """Change the pose and the velocity of a block."""
         index = self._index_of(name)
         placed = bodies(self._session.task)[1:]
-        at, moves = pose or placed[index], twist or placed[index]
-        placed[index] = Body(at.position, at.quaternion, moves.linear, moves.angular)
-        self._rearrange(self._names, self._kinds(), placed, [index] if pose else [])
+        placed[index] = body
+        self._rearrange(self._names, self._kinds(), placed, [index])
 
     def spawn(self, request: Spawning) -> str:
         """Add a block; return its name."""
@@ -136,12 +135,12 @@ class Entities:
         self._named_episode, self._names = self._session.task.episode, list(names)
 
     def _kind_of(self, request: Spawning) -> Kind:
-        field, known = "spawn_entity.entity_resource.uri", self.spawnable()
+        field, known = "spawn_entity.uri", self.spawnable()
         if not request.uri:
             text = f"{field}: expected one of get_spawnables, got none"
             raise SimulatorError(text, SpawnCode.NO_RESOURCE)
         if request.uri not in known:
-            text = f"{field}: expected one of {list(known)}, got {request.uri!r}"
+            text = f"{field}: expected one of {list(known)}, got {request.uri[:200]!r}"
             raise SimulatorError(text, SpawnCode.UNSUPPORTED_FORMAT)
         return known[request.uri]
 

@@ -1,4 +1,4 @@
-"""The arena's services: its own (reset, speed) and those of simulation_interfaces 2.1."""
+"""The arena's services: its own (reset, speed) and those of simulation_interfaces."""
 
 from __future__ import annotations
 
@@ -185,8 +185,7 @@ class Services:
         return _ok(encode_entity(response, entity, self._stamp_ns))
 
     def _set_entity(self, request: Message, response: Any) -> Any:
-        change = decode_state_change(request)
-        self._entities.put(change.entity, change.pose, change.twist)
+        self._entities.put(*decode_state_change(request))
         return _ok(response)
 
 

@@ -112,7 +112,7 @@ def test_what_a_stock_tool_is_told_is_of_the_graph(command: Command):
         return
     name = next(word for word in given if word.startswith("/"))
     type_ = interface(kind, name.lstrip("/"))
-    (told,) = [word for word in given if re.fullmatch(r"msgs_schema/\w+/\w+", word)]
+    (told,) = [word for word in given if re.fullmatch(r"\w+/(msg|srv|action)/\w+", word)]
     assert told.split("/") == [type_.__module__.split(".")[0], *_of(type_)]
     if given[-1].startswith("{"):
         parts = {"service": "Request", "action": "Goal"}

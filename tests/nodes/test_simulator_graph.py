@@ -1,5 +1,6 @@
 """The services and the action of simulation_interfaces on a running arena."""
 
+import re
 from collections.abc import Iterator
 from functools import partial
 from typing import Any
@@ -9,11 +10,18 @@ import pytest
 from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import Vector3
 from rclpy.action import ActionClient
+from simulation_interfaces import srv as standard
+from simulation_interfaces.action import SimulateSteps
+from simulation_interfaces.msg import (
+    Bounds,
+    EntityCategory,
+    Result,
+    SimulationState,
+    SimulatorFeatures,
+)
 
 from agent_node.node import AgentNode
 from helpers.graph import SCENE, TRAINED, Probe, graph
-from msgs_schema.action import SimulateSteps
-from msgs_schema.msg import Bounds
 from pa_ros.arena.rearranging import bodies
 from pa_ros.ros import topics
 from pa_ros.ros.actions import SIMULATE_STEPS
@@ -83,6 +91,32 @@ def names(probe: Probe, service: tuple[str, Any] = topics.GET_ENTITIES, **fields
     return list(answer.entities)
 
 
+def test_a_client_that_knows_only_the_standard_uses_the_arena(probe):
+    def call(name: str, **fields: Any) -> Any:
+        snake = re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
+        answer = ask(probe, (snake, getattr(standard, name)), **fields)
+        if hasattr(answer, "result"):
+            assert answer.result.result == Result.RESULT_OK, answer.result.error_message
+        return answer
+
+    assert SimulatorFeatures.SPAWNING in call("GetSimulatorFeatures").features.features
+    assert call("GetSimulationState").state.state == SimulationState.STATE_PAUSED
+    at = {"initial_pose__pose__position__y": -0.6}
+    uri = call("GetSpawnables").spawnables[0].uri
+    name = call("SpawnEntity", uri=uri, allow_renaming=True, **at).entity_name
+    state = call("GetEntityState", entity=name).state
+    state.pose.position.y = 0.6
+    call("SetEntityState", entity=name, state=state)
+    assert call("GetEntitiesStates").states[-1].pose.position.y == pytest.approx(0.6)
+    info = call("GetEntityInfo", entity=name).info
+    assert info.category.category == EntityCategory.CATEGORY_DYNAMIC_OBJECT
+    call("StepSimulation")
+    call("DeleteEntity", entity=name)
+    assert name not in call("GetEntities").entities
+    call("SetSimulationState", state__state=SimulationState.STATE_PLAYING)
+    call("ResetSimulation", scope=standard.ResetSimulation.Request.SCOPE_STATE)
+
+
 def test_an_agent_follows_its_target_while_a_person_moves_removes_and_adds_it():
     with graph(SimNode, AgentNode, **ARENA, **TRAINED, sim_node__real_time_factor=20.0) as probe:
         assert probe.until(lambda: probe.count(topics.OBJECT_FEATURES) > 0)
@@ -104,13 +138,13 @@ def test_an_agent_follows_its_target_while_a_person_moves_removes_and_adds_it():
         assert probe.until(near)
         for spot in ([-0.4, -0.1, 0.0], [0.1, 0.5, 0.0]):
             moved = {"state__pose__position__x": spot[0], "state__pose__position__y": spot[1]}
-            fields = {"entity": "red_cube", "set_pose": True, **moved}
+            fields = {"entity": "red_cube", **moved}
             assert code(probe, topics.SET_ENTITY_STATE, **fields) == OK
             assert probe.until(partial(arrived, spot))
         assert code(probe, topics.DELETE_ENTITY, entity="red_cube") == OK
         assert probe.until(lambda: probe.last(topics.OBJECT_FEATURES).distance == float("inf"))
         assert probe.last(topics.OBJECT_FEATURES).object_count == 4 and not near()
-        spawn = {"name": "mine", "entity_resource__uri": "block:red_cube"}
+        spawn = {"name": "mine", "uri": "block:red_cube"}
         at = {"initial_pose__pose__position__x": -0.4, "initial_pose__pose__position__y": -0.3}
         assert ask(probe, topics.SPAWN_ENTITY, **spawn, **at).entity_name == "mine"
         assert probe.until(lambda: near() and reached([-0.4, -0.3]))
@@ -154,8 +188,8 @@ def test_time_pauses_advances_step_by_step_and_never_goes_back(probe):
 
 def test_a_reset_has_scopes(probe):
     start = place(probe, "red_cube")
-    moved = {"entity": "red_cube", "set_pose": True, "state__pose__position__x": -0.5}
-    spawn = {"entity_resource__uri": "block:blue_capsule", "allow_renaming": True}
+    moved = {"entity": "red_cube", "state__pose__position__x": -0.5}
+    spawn = {"uri": "block:blue_capsule", "allow_renaming": True}
     reset = partial(code, probe, topics.RESET_SIMULATION)
 
     def change() -> None:
@@ -209,43 +243,43 @@ def test_entities_are_found_by_name_category_tags_and_bounds(probe):
         (topics.GET_ENTITY_STATE, {"entity": "cup"}, ResultCode.NOT_FOUND),
         (topics.DELETE_ENTITY, {"entity": "cup"}, ResultCode.NOT_FOUND),
         (topics.DELETE_ENTITY, {"entity": "hand"}, FAILED),
-        (topics.SET_ENTITY_STATE, {"entity": "hand", "set_pose": True}, FAILED),
+        (topics.SET_ENTITY_STATE, {"entity": "hand"}, FAILED),
         (
             topics.SET_ENTITY_STATE,
-            {"entity": "red_cube", "set_pose": True, "state__pose__position__x": 5.0},
+            {"entity": "red_cube", "state__pose__position__x": 5.0},
             INVALID_POSE,
         ),
         (
             topics.SET_ENTITY_STATE,
-            {"entity": "red_cube", "set_twist": True, "state__twist__linear__x": float("nan")},
+            {"entity": "red_cube", "state__twist__linear__x": float("nan")},
             INVALID_POSE,
         ),
         (
             topics.SET_ENTITY_STATE,
-            {"entity": "red_cube", "set_pose": True, "state__header__frame_id": "moon"},
+            {"entity": "red_cube", "state__header__frame_id": "moon"},
             FAILED,
         ),
         (topics.SPAWN_ENTITY, {"name": "mine"}, SpawnCode.NO_RESOURCE),
         (
             topics.SPAWN_ENTITY,
-            {"name": "mine", "entity_resource__uri": "file:///cup.sdf"},
+            {"name": "mine", "uri": "file:///cup.sdf"},
             SpawnCode.UNSUPPORTED_FORMAT,
         ),
         (
             topics.SPAWN_ENTITY,
-            {"name": "red_cube", "entity_resource__uri": "block:red_cube"},
+            {"name": "red_cube", "uri": "block:red_cube"},
             SpawnCode.NAME_NOT_UNIQUE,
         ),
         (
             topics.SPAWN_ENTITY,
-            {"name": "my block", "entity_resource__uri": "block:red_cube"},
+            {"name": "my block", "uri": "block:red_cube"},
             SpawnCode.NAME_INVALID,
         ),
         (
             topics.SPAWN_ENTITY,
             {
                 "name": "mine",
-                "entity_resource__uri": "block:red_cube",
+                "uri": "block:red_cube",
                 "initial_pose__pose__orientation__w": 0.0,
             },
             SpawnCode.INVALID_POSE,

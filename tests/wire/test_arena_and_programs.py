@@ -6,11 +6,12 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from simulation_interfaces.srv import SetSimulationState
 
 from helpers import learners
 from helpers.messages import texts
 from helpers.rejections import rejected
-from msgs_schema.srv import Reset, SetSimulationState, SetSpeed
+from msgs_schema.srv import Reset, SetSpeed
 from pa_ros.wire.arena import decode_arena_info, encode_arena_info
 from pa_ros.wire.program import (
     ProgramRequest,

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from simulation_interfaces.action import SimulateSteps
 
-from msgs_schema import action
+from msgs_schema.action import ExecuteProgram
 from pa_ros.core.errors import PaError
 from pa_ros.ros.refusals import RateLimiter
 from pa_ros.ros.topics import SERVICE
@@ -18,8 +19,8 @@ from pa_ros.wire import Message
 if TYPE_CHECKING:
     from pa_ros.ros.lifecycle import ManagedNode
 
-EXECUTE_PROGRAM = ("execute_program", action.ExecuteProgram)
-SIMULATE_STEPS = ("simulate_steps", action.SimulateSteps)
+EXECUTE_PROGRAM = ("execute_program", ExecuteProgram)
+SIMULATE_STEPS = ("simulate_steps", SimulateSteps)
 
 Action = tuple[str, Any]  # name and type
 # Wall time. Each change of a goal publishes the states of all goals that are kept, so keeping them

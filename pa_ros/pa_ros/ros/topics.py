@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, JointState
+from simulation_interfaces import srv as simulator
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
@@ -111,17 +112,17 @@ SAMPLES = OBJECT_FEATURES.within("samples")
 RESET = ("reset", srv.Reset)
 SPEED = ("speed", srv.SetSpeed)
 
-# simulation_interfaces 2.1
-DELETE_ENTITY = ("delete_entity", srv.DeleteEntity)
-GET_ENTITIES = ("get_entities", srv.GetEntities)
-GET_ENTITIES_STATES = ("get_entities_states", srv.GetEntitiesStates)
-GET_ENTITY_INFO = ("get_entity_info", srv.GetEntityInfo)
-GET_ENTITY_STATE = ("get_entity_state", srv.GetEntityState)
-GET_SIMULATION_STATE = ("get_simulation_state", srv.GetSimulationState)
-GET_SIMULATOR_FEATURES = ("get_simulator_features", srv.GetSimulatorFeatures)
-GET_SPAWNABLES = ("get_spawnables", srv.GetSpawnables)
-RESET_SIMULATION = ("reset_simulation", srv.ResetSimulation)
-SET_ENTITY_STATE = ("set_entity_state", srv.SetEntityState)
-SET_SIMULATION_STATE = ("set_simulation_state", srv.SetSimulationState)
-SPAWN_ENTITY = ("spawn_entity", srv.SpawnEntity)
-STEP_SIMULATION = ("step_simulation", srv.StepSimulation)
+# Of simulation_interfaces
+DELETE_ENTITY = ("delete_entity", simulator.DeleteEntity)
+GET_ENTITIES = ("get_entities", simulator.GetEntities)
+GET_ENTITIES_STATES = ("get_entities_states", simulator.GetEntitiesStates)
+GET_ENTITY_INFO = ("get_entity_info", simulator.GetEntityInfo)
+GET_ENTITY_STATE = ("get_entity_state", simulator.GetEntityState)
+GET_SIMULATION_STATE = ("get_simulation_state", simulator.GetSimulationState)
+GET_SIMULATOR_FEATURES = ("get_simulator_features", simulator.GetSimulatorFeatures)
+GET_SPAWNABLES = ("get_spawnables", simulator.GetSpawnables)
+RESET_SIMULATION = ("reset_simulation", simulator.ResetSimulation)
+SET_ENTITY_STATE = ("set_entity_state", simulator.SetEntityState)
+SET_SIMULATION_STATE = ("set_simulation_state", simulator.SetSimulationState)
+SPAWN_ENTITY = ("spawn_entity", simulator.SpawnEntity)
+STEP_SIMULATION = ("step_simulation", simulator.StepSimulation)

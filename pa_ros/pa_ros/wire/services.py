@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from msgs_schema import msg, srv
+from simulation_interfaces.msg import Result
+from simulation_interfaces.srv import SetSimulationState
+
+from msgs_schema import srv
 from pa_ros.wire import WireError
 from pa_ros.wire.arena import NO_STAMP
 from pa_ros.wire.fields import read_stamp, write_stamp
@@ -84,10 +87,10 @@ def decode_outcome(response: Any) -> Outcome:
     """
     if hasattr(response, "result"):
         code, reason = response.result.result, response.result.error_message
-        current = isinstance(response, srv.SetSimulationState.Response) and (
+        current = isinstance(response, SetSimulationState.Response) and (
             code == response.ALREADY_IN_TARGET_STATE
         )
-        return Outcome(code == msg.Result.RESULT_OK or current, "", reason)
+        return Outcome(code == Result.RESULT_OK or current, "", reason)
     if isinstance(response, srv.SetSpeed.Response):
         factor = response.real_time_factor
         return Outcome(response.success, response.code, response.reason, real_time_factor=factor)

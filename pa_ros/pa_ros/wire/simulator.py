@@ -1,4 +1,4 @@
-"""The simulator's services, shaped as those of simulation_interfaces 2.1."""
+"""The simulator's services: those of the package simulation_interfaces, as Jazzy has it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
+from simulation_interfaces import action, msg, srv
 
-from msgs_schema import action, msg, srv
 from pa_ros.core.experience import Body, Float64
 from pa_ros.wire import WireError
 from pa_ros.wire.fields import read_vector, write_stamp, write_vector
@@ -121,15 +121,6 @@ class Spawning:
     body: Body
 
 
-@dataclass(frozen=True, slots=True)
-class StateChange:
-    """A new pose or twist of an entity; None: leave it as it is."""
-
-    entity: str
-    pose: Body | None  # only its position and quaternion count
-    twist: Body | None  # only its linear and angular velocity count
-
-
 # Answers. Each function fills a response and returns it.
 
 
@@ -179,8 +170,7 @@ def encode_spawned(response: Any, name: str) -> Any:
 def encode_spawnables(response: Any, described: dict[str, str]) -> Any:
     """Fill in what can be added: descriptions by uri."""
     response.spawnables = [
-        msg.Spawnable(entity_resource=msg.Resource(uri=uri), description=text)
-        for uri, text in described.items()
+        msg.Spawnable(uri=uri, description=text) for uri, text in described.items()
     ]
     return response
 
@@ -215,9 +205,7 @@ def encode_steps_request(steps: int) -> srv.StepSimulation.Request:
 
 def encode_state_change(entity: str, place: Body) -> srv.SetEntityState.Request:
     """Return the request to put an entity somewhere, at rest."""
-    return srv.SetEntityState.Request(
-        entity=entity, state=_state(place, 0), set_pose=True, set_twist=True
-    )
+    return srv.SetEntityState.Request(entity=entity, state=_state(place, 0))
 
 
 def decode_simulation_state(message: srv.SetSimulationState.Request) -> int:
@@ -260,16 +248,14 @@ def decode_filters(message: Any) -> EntityFilter:
 def decode_spawning(message: srv.SpawnEntity.Request) -> Spawning:
     """Return the block to add. Raises WireError for another frame."""
     _check_frame("spawn_entity.initial_pose", message.initial_pose.header.frame_id)
-    uri, body = message.entity_resource.uri, _body(message.initial_pose.pose)
+    uri, body = message.uri or message.resource_string, _body(message.initial_pose.pose)
     return Spawning(message.name, message.allow_renaming, uri, body)
 
 
-def decode_state_change(message: srv.SetEntityState.Request) -> StateChange:
-    """Return where to put an entity. Raises WireError for another frame."""
+def decode_state_change(message: srv.SetEntityState.Request) -> tuple[str, Body]:
+    """Return an entity's name and its new state. Raises WireError for another frame."""
     _check_frame("set_entity_state.state", message.state.header.frame_id)
-    body = _body(message.state.pose, message.state.twist)
-    pose, twist = (body if wanted else None for wanted in (message.set_pose, message.set_twist))
-    return StateChange(message.entity, pose, twist)
+    return message.entity, _body(message.state.pose, message.state.twist)
 
 
 def _state(body: Body, stamp_ns: int) -> msg.EntityState:
