@@ -49,7 +49,7 @@ class AgentConfig(NodeSettings):
         le=LONGEST_S,
         description="wall time; waiting longer than this for weights is an ERROR",
     )
-    controller: Literal["none", "velocity", "joint_trajectory"] = Field(
+    controller: Literal["none", "velocity", "joint_trajectory", "joint_jog"] = Field(
         "none", description="how commands are also sent to ros2_control"
     )
     max_acceleration: float = Field(

@@ -14,7 +14,7 @@ from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription
-from pa_ros.wire.views import encode_outlines, encode_point, encode_velocities
+from pa_ros.wire.views import encode_jog, encode_outlines, encode_point, encode_velocities
 
 if TYPE_CHECKING:
     from agent_node.node import AgentNode
@@ -23,12 +23,17 @@ if TYPE_CHECKING:
 # arena's own `command_timeout_s`.
 OUTPUT_TIMEOUT_S = 0.3
 WATCHDOG_S = 0.05  # wall time between two checks whether commands have stopped
+OUTPUTS = {
+    "velocity": topics.VELOCITY_COMMANDS,
+    "joint_trajectory": topics.JOINT_TRAJECTORY,
+    "joint_jog": topics.JOINT_JOG,
+}
 LOOK_S = 0.5  # wall time until a new viewer is noticed
 
 
 class ControllerOutput:
-    """Publishes each command for ros2_control as well: as velocities (group controller), or as a
-    trajectory of one point (joint trajectory controller).
+    """Publishes each command for ros2_control as well: as velocities (group controller), as a
+    trajectory of one point (joint trajectory controller), or as a JointJog (MoveIt Servo).
 
     Velocities change no faster than `max_acceleration`. When commands stop, they go down to zero.
     """
@@ -36,9 +41,8 @@ class ControllerOutput:
     def __init__(self, node: AgentNode) -> None:
         config = node.config
         self._acceleration = config.max_acceleration
-        self._trajectory = config.controller == "joint_trajectory"
-        topic = topics.JOINT_TRAJECTORY if self._trajectory else topics.VELOCITY_COMMANDS
-        self._out = topic.publisher(node)
+        self._node, self._form = node, config.controller
+        self._out = OUTPUTS[self._form].publisher(node)
         self._arena: ArenaDescription | None = None
         self._ramp = VelocityRamp((), 0.0)
         self._position: Float64 = np.zeros(0)  # of the joints, at the newest command
@@ -81,9 +85,12 @@ class ControllerOutput:
         now, period_s = time.monotonic(), arena.control_period
         elapsed_s, self._ramped_at = min(now - self._ramped_at, period_s), now
         velocity = self._ramp.towards(action, elapsed_s)
-        if self._trajectory:
+        if self._form == "joint_trajectory":
             target = self._position + velocity * period_s
             self._out.publish(encode_point(arena.joint_names, target, velocity, period_s))
+        elif self._form == "joint_jog":
+            stamp_ns = self._node.get_clock().now().nanoseconds
+            self._out.publish(encode_jog(arena.joint_names, velocity, period_s, stamp_ns))
         else:
             self._out.publish(encode_velocities(velocity))
 

@@ -11,6 +11,8 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from pa_ros.arena.camera import Camera, intrinsics, optical_pose
 from pa_ros.arena.errors import RenderError
 from pa_ros.arena.urdf import urdf
@@ -24,7 +26,7 @@ from pa_ros.wire.views import (
     encode_image,
     encode_markers,
     encode_text,
-    encode_transform,
+    encode_transforms,
 )
 from sim_node.entities import Entities, solids
 
@@ -98,8 +100,13 @@ class Views:
     def __init__(self, arena: SimNode, entities: Entities, camera: CameraView | None) -> None:
         """Call after an episode has begun."""
         self._arena, self._session = arena, arena.session
-        self._entities, self._camera = entities, camera
-        self._transforms = topics.TRANSFORMS.publisher(arena)
+        self._entities = entities
+        self._tf = topics.TF.publisher(arena)
+        self._tf_static = topics.TF_STATIC.publisher(arena)
+        fixed = {"base": Body.at_rest(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))}
+        if camera is not None:
+            fixed[CAMERA_FRAME] = camera.pose
+        self._tf_static.publish(encode_transforms(fixed, 0))
         self._markers = topics.MARKERS.publisher(arena)
         self._shown = 0  # markers in the last message
         limits, model = self._session.arena.joint_speed_limits, self._session.task.simulation.model
@@ -111,12 +118,9 @@ class Views:
         if not self._arena.active:
             return
         stamp_ns = self._session.current.observation.stamp_ns
-        if self._transforms.get_subscription_count():
-            shown = {entity.name: entity.body for entity in self._entities.matching()}
-            if self._camera is not None:
-                shown[CAMERA_FRAME] = self._camera.pose
-            for name, body in shown.items():
-                self._transforms.publish(encode_transform(name, body, stamp_ns))
+        if self._tf.get_subscription_count():
+            moving = {entity.name: entity.body for entity in self._entities.matching()}
+            self._tf.publish(encode_transforms(moving, stamp_ns))
         if self._markers.get_subscription_count():
             blocks = solids(self._session.task.simulation.model, self._entities.matching()[1:])
             self._markers.publish(encode_markers(blocks, stamp_ns, self._shown))

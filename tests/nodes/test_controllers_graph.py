@@ -44,3 +44,13 @@ def test_a_joint_trajectory_has_one_point_one_control_period_ahead():
         starts = np.array([m.position for m in probe.heard["joint_states"]])
         ahead = np.array(point.positions) - 0.1 * np.array(point.velocities)
         assert np.abs(starts - ahead).max(axis=1).min() < 1e-6
+
+
+def test_a_joint_jog_names_the_joints_and_says_for_how_long_it_holds():
+    with graph(SimNode, AgentNode, **SCENE, **TRAINED, agent_node__controller="joint_jog") as probe:
+        assert probe.until(lambda: probe.count(topics.JOINT_JOG) > 5)
+        arena, sent = probe.last(topics.ARENA_INFO), probe.heard["joint_jog"][3]
+        assert list(sent.joint_names) == list(arena.joint_names)
+        assert sent.duration == pytest.approx(0.1) and not len(sent.displacements)
+        assert np.any(sent.velocities)
+        assert (np.abs(sent.velocities) <= np.array(arena.speed_limits) + 1e-9).all()

@@ -68,7 +68,7 @@ def test_time_stops_in_an_inactive_arena_which_rejects_requests() -> None:
         user, speaker = User(probe, arena), probe.speaker(topics.JOINT_COMMANDS)
         assert resumes(probe, topics.OBJECT_FEATURES)
         assert user.ask(DEACTIVATE) == (True, "inactive")
-        for topic in (topics.OBJECT_FEATURES, topics.CLOCK, topics.TRANSFORMS):
+        for topic in (topics.OBJECT_FEATURES, topics.CLOCK, topics.TF):
             assert stays_silent(probe, topic)
         speaker.publish(encode_command(Command(0, 0, 0, "me", 0, np.ones(6, np.float32))))
         asked = probe.call(topics.RESET, encode_reset(ResetRequest(3)))

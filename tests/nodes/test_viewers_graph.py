@@ -29,14 +29,15 @@ def probe(module_domain: str) -> Iterator[Probe]:
     """One arena with a camera, and a trained agent, for all tests of this module."""
     opengl()
     with graph(SimNode, AgentNode, **SCENE, **TRAINED, **CAMERA) as probe:
-        assert probe.until(lambda: probe.count(topics.TRANSFORMS) >= 6)
+        assert probe.until(lambda: probe.count(topics.TF) >= 2)
         assert probe.until(lambda: probe.count(topics.MARKERS) >= 1)
         yield probe
 
 
 def poses(probe: Probe) -> dict[str, Any]:
     """The newest transform of each frame."""
-    return {m.child_frame_id: m for m in probe.heard["transforms"]}
+    messages = [*probe.heard["tf_static"], *probe.heard["tf"]]
+    return {one.child_frame_id: one for message in messages for one in message.transforms}
 
 
 def blocks_and_names(probe: Probe) -> tuple[list[Any], list[str]]:
@@ -98,7 +99,7 @@ def test_the_description_the_poses_and_the_markers_are_the_arenas(probe):
     seen = probe.count(topics.MARKERS)
     assert probe.until(lambda: probe.count(topics.MARKERS) > seen + 1)
     known, (blocks, labels) = poses(probe), blocks_and_names(probe)
-    assert sorted(known) == sorted(["hand", CAMERA_FRAME, *labels]) and "red_cube" in labels
+    assert sorted(known) == sorted(["base", "hand", CAMERA_FRAME, *labels]) and "red_cube" in labels
     hand, *placed = bodies(probe.nodes[0].session.task)
     assert place_of(known["hand"]) == pytest.approx(hand.position.tolist())
     for body, name, marker in zip(placed, labels, blocks, strict=True):

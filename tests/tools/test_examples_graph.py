@@ -58,14 +58,16 @@ class Tracker:
         self._node, self._speakers, self.silent = node, {}, False
         self.newest = {"object_features": 0, "of_arena": 0}  # stamps, ns
         self.features: dict[str, dict[int, Float32]] = {"object_features": {}, "of_arena": {}}
-        topics.TRANSFORMS.subscribe(node, self.on_transform)
+        topics.TF.subscribe(node, self.on_tf)
         for name, heard in self.features.items():
             topic = replace(topics.OBJECT_FEATURES, name=name)
             topic.subscribe(node, partial(self.on_features, name, heard))
 
+    def on_tf(self, message) -> None:
+        for transform in () if self.silent else message.transforms:
+            self.on_transform(transform)
+
     def on_transform(self, message) -> None:
-        if self.silent:
-            return
         name, placed = message.child_frame_id, message.transform
         measured = PoseStamped(header=message.header)
         place = measured.pose.position

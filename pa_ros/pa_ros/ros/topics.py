@@ -6,14 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
+from control_msgs.msg import JointJog
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from simulation_interfaces import srv as simulator
 from std_msgs.msg import Float64MultiArray, String
+from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
@@ -97,10 +98,14 @@ DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, STEP, STEP)
 # For ros2_control's controllers; remap them to the names of yours.
 VELOCITY_COMMANDS = Topic("velocity_commands", Float64MultiArray, STEP, STEP)
 JOINT_TRAJECTORY = Topic("joint_trajectory", JointTrajectory, STEP, STEP)
+JOINT_JOG = Topic("joint_jog", JointJog, STEP, STEP)
 
-# For viewers. Poses are published one by one, since `tf2_msgs` is not on the Python index.
+# Relative, so that blocks of several arenas do not share frames. In the root namespace: /tf.
+TF = Topic("tf", TFMessage, STEP, STEP)
+TF_STATIC = Topic("tf_static", TFMessage, LATCHED, LATCHED_READER)
+
+# For viewers.
 ROBOT_DESCRIPTION = Topic("robot_description", String, LATCHED, LATCHED_READER)
-TRANSFORMS = Topic("transforms", TransformStamped, STEP, STEP)
 MARKERS = Topic("markers", MarkerArray, STEP, STEP)
 # The names that image_transport and camera drivers use.
 CAMERA_IMAGE = Topic("camera/image_raw", Image, PICTURE, STEP)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from control_msgs.msg import JointJog
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Float64MultiArray, String
+from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -47,14 +49,17 @@ def encode_text(text: str) -> String:
     return String(data=text)
 
 
-def encode_transform(name: str, body: Body, stamp_ns: int) -> TransformStamped:
-    """Return the pose of a body in the frame WORLD; its name is the name of the child frame."""
-    message = TransformStamped(child_frame_id=name)
-    message.header.frame_id = WORLD
-    write_stamp(message.header.stamp, stamp_ns)
-    write_vector(message.transform.translation, body.position)
-    write_vector(message.transform.rotation, body.quaternion, "xyzw")
-    return message
+def encode_transforms(bodies: Mapping[str, Body], stamp_ns: int) -> TFMessage:
+    """Return the poses of bodies in the frame WORLD, by the names of their own frames."""
+    transforms = []
+    for name, body in bodies.items():
+        placed = TransformStamped(child_frame_id=name)
+        placed.header.frame_id = WORLD
+        write_stamp(placed.header.stamp, stamp_ns)
+        write_vector(placed.transform.translation, body.position)
+        write_vector(placed.transform.rotation, body.quaternion, "xyzw")
+        transforms.append(placed)
+    return TFMessage(transforms=transforms)
 
 
 def encode_markers(solids: Sequence[Solid], stamp_ns: int, shown: int = 0) -> MarkerArray:
@@ -155,6 +160,15 @@ def decode_pose(message: PoseStamped) -> tuple[str, Float64]:
 def encode_velocities(velocity: Float64) -> Float64MultiArray:
     """Return joint velocities [J], rad/s, in the order of the arena's joints."""
     return Float64MultiArray(data=velocity.tolist())
+
+
+def encode_jog(
+    names: Sequence[str], velocity: Float64, duration_s: float, stamp_ns: int
+) -> JointJog:
+    """Return velocities [J], rad/s, that hold for `duration_s`."""
+    message = JointJog(joint_names=list(names), velocities=velocity.tolist(), duration=duration_s)
+    write_stamp(message.header.stamp, stamp_ns)
+    return message
 
 
 def encode_point(
