@@ -38,7 +38,7 @@ def test_programs_continue_from_where_the_arm_is() -> None:
         result = arena.execute(agent, program)
         assert result.success and result.distance <= 0.2 and result.program == program
     again = arena.execute(agent, program)
-    assert again.steps == pa_ros.HOLD_STEPS  # already there
+    assert again.reached_s == 0.0  # already there
     arena.reset()
     assert not arena.execute(agent, program, max_steps=1).success
     assert arena.picture(64).shape == (64, 64, 3)

@@ -120,7 +120,7 @@ class Prober:
         self._sent, self._due_s = 0, 0.0
         self._publisher = topics.PROGRAM.publisher(node)
         # A node without an executor: rclpy's executor does not report when a message was written.
-        self._reader = rclpy.create_node(f"{node.get_name()}_reader")
+        self._reader = rclpy.create_node(f"{node.get_name()}_reader", context=node.context)
         # Of two messages the effect is read before its cause, so that no command seems unprovoked.
         self._read = [
             self._reader.create_subscription(t.type, t.name, lambda _: None, DEEP)

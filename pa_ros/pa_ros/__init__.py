@@ -19,11 +19,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pa_ros.evaluation.agents import TrainedAgent
+    from pa_ros.tools.arm import Arm
 
 # Functions import what they need, so that `import pa_ros` stays quick.
 
 __version__ = "0.2.0"
-__all__ = ["Arena", "Result", "load_agent", "make_arena"]
+__all__ = ["Arena", "Arm", "Result", "load_agent", "make_arena"]
 
 HOLD_STEPS = 5
 
@@ -33,9 +34,11 @@ class Result:
     """The outcome of one program."""
 
     program: str  # canonical text
-    success: bool  # satisfied at the end
+    success: bool  # satisfied at the end, for long enough
     distance: float  # of the relation at the end; for NEAR in m, to the nearest named object
-    steps: int  # control steps of 0.1 s
+    reached_s: float | None  # simulation time until it was satisfied for good; None: never
+    reason: str = ""  # why it was not reached
+    code: str = ""  # of the reason, such as goal.time_limit
 
 
 def make_arena(design: str = "3-D", *, arm: str = "jaco", preset: str = "", seed: int = 0) -> Arena:
@@ -99,10 +102,34 @@ class Arena:
             # `advance` has no time limit, unlike `step`: a scene may last for many programs.
             observation, verdict = self.task.advance(act(observation, parsed))
             steps, satisfied = steps + 1, satisfied + 1 if verdict.satisfied else 0
-        return Result(str(parsed), verdict.satisfied, verdict.distance, steps)
+        if satisfied < HOLD_STEPS:
+            reason = f"not satisfied for {HOLD_STEPS} steps within {max_steps}"
+            return Result(str(parsed), False, verdict.distance, None, reason, "goal.time_limit")
+        reached_s = (steps - HOLD_STEPS) * self.task.control_period_s
+        return Result(str(parsed), True, verdict.distance, reached_s)
 
     def picture(self, side_px: int = 480) -> Any:
         """The table from above, an RGB array [side, side, 3] of uint8; needs no OpenGL."""
         from pa_ros.arena.render import top_view
 
         return top_view(self.task, side_px)
+
+
+def __getattr__(name: str) -> Any:
+    """Import `Arm` when it is first used: only it needs ROS."""
+    if name != "Arm":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    try:
+        import rclpy  # noqa: F401
+    except ImportError as error:
+        raise ImportError(
+            "pa_ros.Arm: expected ROS 2 (rclpy), from `make install` or from your ROS "
+            f"installation's setup.bash; got: {error}"
+        ) from error
+    from pa_ros.tools.arm import Arm
+
+    return Arm
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

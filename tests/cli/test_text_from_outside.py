@@ -5,10 +5,11 @@ from pathlib import Path
 import pytest
 
 from helpers.recordings import written
+from pa_ros import Result
 from pa_ros.cli.main import main
 from pa_ros.cli.send import print_answers, result_text
 from pa_ros.tools.send import Answers
-from pa_ros.wire.program import GoalResult, ProgramStatus
+from pa_ros.wire.program import ProgramStatus
 
 CLEAR = "\x1b[2J"  # clears a terminal
 
@@ -31,7 +32,7 @@ def test_what_nodes_answer(capsys: pytest.CaptureFixture[str]):
             }
         )
     )
-    print(result_text("NEAR(HAND, RED)", GoalResult(False, 0.1, None, kind, kind)))
+    print(result_text(Result("NEAR(HAND, RED)", False, 0.1, None, kind, kind)))
     said = capsys.readouterr()
     assert CLEAR not in said.out + said.err
     assert said.out.splitlines()[0] == r"a: accepted \x1b[2Jkind"

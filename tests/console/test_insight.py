@@ -9,11 +9,11 @@ import pytest
 
 from helpers.learners import LEARNER, again, published
 from helpers.messages import judged
+from pa_ros.acting.insight import Insight, agent_logic, explained
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.console import markup
 from pa_ros.console.history import History
-from pa_ros.console.insight import Insight, Moment, agent_logic, explained
-from pa_ros.console.sources import AgentWeights
+from pa_ros.console.moment import Moment
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import PolicySnapshot, PublishedPolicy, Step
 from pa_ros.language import MIN_MAX, PRODUCT, parse, relevance
@@ -23,6 +23,7 @@ from pa_ros.networks.parameters import initial_actor
 from pa_ros.provenance import describe
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import POLICY_WEIGHTS, PROVENANCE
+from pa_ros.tools.weights import AgentWeights
 from pa_ros.wire.diagnostics import Origin, encode_provenance
 from pa_ros.wire.learning import encode_weights
 from pa_ros.wire.program import ProgramStatus

@@ -11,7 +11,7 @@ pytest.importorskip("viser", reason="the extra `console` is not installed")
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.bags.film import Stage
 from pa_ros.console import scene
-from pa_ros.console.insight import Moment
+from pa_ros.console.moment import Moment
 from pa_ros.console.scene import ArenaScene, label_heights
 from pa_ros.console.server import ConsoleServer
 from pa_ros.console.settings import ConsoleSettings

@@ -1,6 +1,7 @@
 """The runnable examples of docs/robot.md execute programs, and are as short as they claim."""
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,15 +12,13 @@ from geometry_msgs.msg import PoseStamped
 
 from helpers.processes import node_command, running
 from helpers.waiting import DEADLINE_S
-from pa_ros.acting.execution import HOLD_S, WINDOW_S
 from pa_ros.cli.main import main
 from pa_ros.core.experience import Float32
 from pa_ros.ros import topics
 from pa_ros.ros.executor import spin_until
+from pa_ros.tools.arm import Arm
 from pa_ros.tools.client import client_node
-from pa_ros.tools.send import GoalClient
 from pa_ros.wire.fields import header_stamp
-from pa_ros.wire.program import ProgramGoal
 from pa_ros.wire.step import decode_step
 
 ROOT = Path(__file__).parents[2]
@@ -102,11 +101,10 @@ def test_features_from_poses_are_the_arenas_and_the_agent_acts_on_them(tmp_path)
     with running(tmp_path, *nodes), client_node("tracker") as tracker:
         seen = Tracker(tracker)
         assert spin_until(tracker, seen.agrees, DEADLINE_S)
-        goals = GoalClient(tracker)
-        assert goals.offered(DEADLINE_S)
-        goal = ProgramGoal("NEAR(HAND, CYLINDER)", WINDOW_S, HOLD_S)
-        assert goals.execute(goal, DEADLINE_S).success
-        goals.close()
+        with Arm(patience=DEADLINE_S) as arm, ThreadPoolExecutor() as beside:
+            executed = beside.submit(arm.execute, "NEAR(HAND, CYLINDER)")
+            assert spin_until(tracker, executed.done, DEADLINE_S)
+            assert executed.result().success
         assert spin_until(tracker, lambda: seen.late_s() < 1, DEADLINE_S)
         seen.silent = True
         assert spin_until(tracker, lambda: seen.late_s() > 1, DEADLINE_S), "old poses are used"

@@ -13,9 +13,9 @@ from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import parse, require_target
 from pa_ros.ros import topics
-from pa_ros.tools.client import spin_with_notice
+from pa_ros.tools.arm import Arm
 from pa_ros.tools.monitor import GraphFigures
-from pa_ros.tools.scenes import Scene, SceneFigures, suggested_programs
+from pa_ros.tools.scenes import SceneFigures, SceneMonitor, suggested_programs
 from pa_ros.wire.arena import describe_robot, encode_arena_info
 from pa_ros.wire.program import ProgramRequest, encode_program
 from pa_ros.wire.services import ResetRequest, encode_reset
@@ -31,25 +31,28 @@ ARENA = {
 def test_samples_show_blocks_program_and_distance_of_an_arena_that_waits():
     """In lockstep, with nobody who commands: the step that stands is shown all the same."""
     with graph(SimNode, **ARENA) as probe:
-        scene, other = Scene(probe), Scene(probe, "/elsewhere")
-        assert probe.until(lambda: scene.known)
-        arena, session = scene.arena, probe.nodes[0].session
+        monitor, other = SceneMonitor(probe), SceneMonitor(probe, "/elsewhere")
+        assert probe.until(lambda: monitor.scene is not None)
+        scene, session = monitor.scene, probe.nodes[0].session
+        arena = scene.arena
         kinds = [block.kind.words for block in session.task.episode.blocks]
-        assert not other.known
+        assert other.scene is None
         assert dict(scene.rows())["program"] == "none"
-        assert list(scene.names) == [str(b.kind) for b in session.task.episode.blocks]
-        found = scene.suggestions()
+        assert list(scene.blocks) == [str(b.kind) for b in session.task.episode.blocks]
+        found = scene.programs
         vocabulary = arena.world.vocabulary
         for text in found:
             require_target(parse(text, vocabulary), kinds, None)
         assert len(found) > 4
-        both = [name.split() for name in scene.names if {*name.split()} <= {*vocabulary.words}]
+        both = [name.split() for name in scene.blocks if {*name.split()} <= {*vocabulary.words}]
         named = [f"NEAR(HAND, AND({color}, {shape}))" for color, shape in both]
         assert list(found[: len(both)]) == named, "in the order of the blocks"
 
         speaker = probe.speaker(topics.PROGRAM)
         speaker.publish(encode_program(ProgramRequest("a", found[0])))
-        assert probe.until(lambda: scene.program == found[0] and " m" in scene.line())
+        assert probe.until(
+            lambda: monitor.scene.program == found[0] and " m" in monitor.scene.line()
+        )
         fleet = SceneFigures(probe, GraphFigures(), ["", "elsewhere"])
         one = SceneFigures(probe, GraphFigures(), [])
         assert probe.until(lambda: "blocks" in dict(one.rows()))
@@ -57,10 +60,10 @@ def test_samples_show_blocks_program_and_distance_of_an_arena_that_waits():
         assert labels[-5:] == ["blocks", "program", "distance", "refused messages", "alarms"]
         assert found[0] in one.line() and "/elsewhere: at" in dict(fleet.rows())
 
-        before = scene.names
+        before = scene.blocks
         outcome = probe.call(topics.RESET, encode_reset(ResetRequest(episode=7)))
         assert outcome.success
-        assert probe.until(lambda: scene.episode == 7 and scene.names != before)
+        assert probe.until(lambda: monitor.scene.episode == 7 and monitor.scene.blocks != before)
 
 
 def test_where_blocks_can_be_moved_programs_that_move_one_are_suggested_first():
@@ -84,10 +87,10 @@ def test_an_arena_without_samples_is_seen_by_its_steps_until_samples_come():
         def readers() -> int:
             return probe.count_subscribers(topics.OBJECT_FEATURES.name) - 1  # the probe's own
 
-        scene = Scene(probe)
+        monitor = SceneMonitor(probe)
         assert probe.until(lambda: readers() == 1)
         assert probe.call(topics.RESET, encode_reset(ResetRequest(episode=7))).success
-        assert probe.until(lambda: scene.known and scene.episode == 7)
+        assert probe.until(lambda: monitor.scene is not None and monitor.scene.episode == 7)
         shown = topics.SAMPLES.publisher(probe)
         assert probe.until(lambda: readers() == 0)
         probe.destroy_publisher(shown)
@@ -96,15 +99,15 @@ def test_an_arena_without_samples_is_seen_by_its_steps_until_samples_come():
 
 @pytest.mark.graph
 def test_an_arena_that_only_describes_itself_or_is_elsewhere_is_told_from_none(monkeypatch):
-    monkeypatch.setattr("pa_ros.tools.client.NOTICE_S", 0.2)
+    monkeypatch.setattr("pa_ros.tools.connection.NOTICE_S", 0.2)
     with graph() as probe:
         world = world_of(ArenaConfig(), design_named("3-D"))
         about = describe_robot(world, {f"joint_{i}": 1.0 for i in range(world.joints)}, 0.1)
         left = topics.ARENA_INFO.within("left").publisher(probe)
         left.publish(encode_arena_info(about))
-        # A node knows its own publishers at once, so this doesn't wait for discovery.
+        monkeypatch.setattr("pa_ros.tools.connection.namespaces_of_arenas", lambda _: ("/left",))
         with pytest.raises(ConfigError, match=r"expected one with an arena \(/left\), got /$"):
-            spin_with_notice(probe, lambda: False, 30.0)
+            Arm()
         command = [sys.executable, "-m", "pa_ros", "send", "--timeout", "8", "--namespace", "left"]
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as sent:
             assert probe.until(lambda: sent.poll() is not None)
@@ -114,7 +117,7 @@ def test_an_arena_that_only_describes_itself_or_is_elsewhere_is_told_from_none(m
 
 @pytest.mark.graph
 def test_a_sender_says_early_that_there_is_no_arena(monkeypatch, capfd):
-    monkeypatch.setattr("pa_ros.tools.client.NOTICE_S", 0.2)
+    monkeypatch.setattr("pa_ros.tools.connection.NOTICE_S", 0.2)
     assert main(["send", "NEAR(HAND, RED)", "--timeout", "0.5"]) == 3
     first, last = capfd.readouterr().err.splitlines()
     assert first.endswith(", namespace /: waits for one, 0.5 s at most")

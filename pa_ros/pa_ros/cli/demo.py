@@ -4,6 +4,7 @@ moves blocks."""
 from __future__ import annotations
 
 import argparse
+import os
 import secrets
 import sys
 import time
@@ -29,16 +30,14 @@ from pa_ros.learning.checkpoint_files import SHIPPED as SHIPPED_AGENTS
 from pa_ros.learning.checkpoint_files import SHIPPED_PREFIX
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.ros.topics import OBJECT_FEATURES
-from pa_ros.tools.client import ArenaClient, client_node
+from pa_ros.tools.arm import Arm
+from pa_ros.tools.client import client_node
 from pa_ros.tools.domain import use_free_domain
 from pa_ros.tools.film import FEWER, FEWER_PUSHED, FULL, demo_programs, find_scene
 from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import load_parameters, merged, packaged
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import Display, GraphFigures, watch_diagnostics
-from pa_ros.tools.record import Recorder
-from pa_ros.tools.send import ProgramSender
-from pa_ros.wire.services import ResetRequest
 from pa_ros.wire.step import decode_step
 
 SHIPPED, LEARNED, PRESET = "3-D", "2-L", "fast"  # designs, and the arm
@@ -47,7 +46,6 @@ PUSHED = ("trained", "held out", "to a block", "color alone")  # the programs th
 SCENE_SEED = 1_000_000  # added to the seed: no scene of the executions was trained in
 SPEED = 2.0  # times real time, during executions
 REFERENCE_EPISODES = 50
-READY_S, ANSWER_S = 60.0, 30.0  # s, for nodes to start and to answer
 ROW = "{:<12} {:<56} {:<7} {:<7} {:<10} {}"
 EXIT_FAILED = 1
 
@@ -137,46 +135,24 @@ def execute(
     """
     programs = [one for one in demo_programs(design) if not kinds or one.kind in kinds]
     fewer = FEWER_PUSHED if design.vocabulary.moves_objects else FEWER
-    arena = {"design": design.name, "preset": design.preset, "seed": seed,
-             "real_time_factor": speed, "condition": FULL, "eval_condition": fewer}  # fmt: skip
-    changes: dict[str, dict[str, Any]] = {
-        "sim_node": arena,
-        "agent_node": {"checkpoint": checkpoint},
-    }
-    parameters = merged(load_parameters(packaged("execute_3d")), changes)
-    log, executed, figures = folder / "log" / "execute", [], GraphFigures()
-    with (
-        client_node("demo") as node,
-        Recorder(folder / "programs", node),
-        Supervisor(log) as supervisor,
-    ):
-        watch_diagnostics(node, figures)
-        start_nodes(supervisor, parameters, log)
-
-        def ready() -> bool:
-            version = figures.value("agent_node", "policy_version")
-            running = figures.value("sim_node", "episode") is not None
-            return running and version is not None and version >= 0
-
-        if not watch(node, supervisor, lambda: None, ready, READY_S):
-            raise PaError(f"expected arena and agent to work within {READY_S:g} s")
-        services, sender = ArenaClient(node), ProgramSender(node)
+    config = preset_named(design.preset)
+    arena = {"design": design.name, "preset": design.preset,
+             "condition": FULL, "eval_condition": fewer}  # fmt: skip
+    executed: list[str] = []
+    with Arm.simulated(
+        checkpoint, seed=seed, speed=speed, record=folder / "programs",
+        logs=folder / "log" / "execute", domain=int(os.environ["ROS_DOMAIN_ID"]), **arena,
+    ) as arm:  # fmt: skip
         print(f"Each program has {WINDOW_S:g} s. Satisfied: {HOLD_S:g} s near the target.\n")
         print(ROW.format("", "program", "from", "to", "satisfied", "after"))
         for program in programs:
-            scene = find_scene(preset_named(design.preset), design, seed, program)
-            # The arena is paused until both nodes have the program, so that no step is lost.
-            services.pause(True, ANSWER_S)
-            evaluation = scene.condition == fewer
-            services.reset(ResetRequest(scene.episode.index, evaluation=evaluation), ANSWER_S)
-            for status in sender.send(program.text, ANSWER_S).refused:
-                raise PaError(f"{status.node}: {status.reason}")
-            services.pause(False, ANSWER_S)
-            found = sender.wait(ANSWER_S + 2.0 * WINDOW_S / speed)
-            executed += [program.kind] if found.satisfied else []
+            scene = find_scene(config, design, seed, program)
+            arm.reset(scene.episode.index, evaluation=scene.condition == fewer)
+            found = arm.execute(program.text)
+            executed += [program.kind] if found.success else []
             after = "" if found.reached_s is None else f"{found.reached_s:.1f} s"
             cells = f"{scene.distance:.2f} m", f"{found.distance:.2f} m"
-            verdict = "yes" if found.satisfied else "NO"
+            verdict = "yes" if found.success else "NO"
             print(ROW.format(program.kind, program.text, *cells, verdict, after), flush=True)
     print(f"\n{len(executed)} of {len(programs)} programs executed.")
     return "held out" in executed and len(executed) >= len(programs) - 1

@@ -9,34 +9,31 @@ import argparse
 import math
 import sys
 import time
-from functools import partial
 
-from pa_ros.acting.execution import HOLD_S, WINDOW_S
+from pydantic import Field
+
+from pa_ros import Result
 from pa_ros.cli.options import add_setting, settings_from
-from pa_ros.core.errors import ConfigError
+from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.core.settings import Settings
 from pa_ros.core.text import printable, printable_lines
-from pa_ros.ros.executor import spin_until
-from pa_ros.tools.client import (
-    ArenaClient,
-    NoAnswerError,
-    Node,
-    client_node,
-    spin_with_notice,
-)
-from pa_ros.tools.scenes import Scene
-from pa_ros.tools.send import (
-    Answers,
-    GoalClient,
-    ProgramSender,
-    SendOptions,
-)
-from pa_ros.wire.program import GoalProgress, GoalResult, ProgramGoal
+from pa_ros.tools.arm import Arm
+from pa_ros.tools.client import NoAnswerError
+from pa_ros.tools.send import Answers
+from pa_ros.wire.program import GoalProgress
 from pa_ros.wire.services import ResetRequest
 from pa_ros.world.relation import measured
 
-SUGGEST_S = 2.0  # wait so long for a sample of the table
-OFFER_S = 5.0  # wait so long for an agent's action
 EXIT_NOT_SATISFIED, EXIT_REFUSED, EXIT_TIMED_OUT = 1, 2, 3
+
+
+class SendOptions(Settings):
+    """How to send."""
+
+    timeout_s: float = Field(
+        30.0, gt=0, description="seconds to wait for an arena, for answers, and for progress"
+    )
+    wait: bool = Field(False, description="send it as the agent's goal, and wait for the verdict")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,23 +60,24 @@ def run(options: argparse.Namespace) -> int:
     how = settings_from(options, SendOptions)
     if how.wait and options.text is None:
         raise ConfigError("--wait: expected a program with it")
-    with client_node("send", options.namespace) as node:
-        try:
+    try:
+        with Arm(options.namespace, patience=how.timeout_s) as arm:
             if options.scene is not None:
-                arena = ArenaClient(node, partial(spin_with_notice, node))
-                began = arena.reset(options.scene, how.timeout_s)
-                print(f"began episode {began.episode}")
-            scene = Scene(node)
+                print(f"began episode {arm.reset(options.scene.episode).episode}")
             if options.text is None:
-                return _describe(node, scene, how.timeout_s)
-            status = _pursue(node, options.text, how) if how.wait else None
-            status = _send(node, options.text, how) if status is None else status
-            if status == EXIT_REFUSED and spin_until(node, lambda: scene.known, SUGGEST_S):
-                print(_suggested(scene), file=sys.stderr)
-            return status
-        except NoAnswerError as error:
-            print(f"timed out: {error}", file=sys.stderr)
-            return EXIT_TIMED_OUT
+                print(arm.scene())
+                return 0
+            try:
+                return _execute(arm, options.text) if how.wait else _send(arm, options.text)
+            except NoAnswerError:
+                raise
+            except PaError as error:
+                print(_refused(error.code, str(error)), file=sys.stderr)
+            print(arm.scene().suggested(), file=sys.stderr)
+            return EXIT_REFUSED
+    except NoAnswerError as error:
+        print(f"timed out: {printable(str(error))}", file=sys.stderr)
+        return EXIT_TIMED_OUT
 
 
 def _scene(text: str) -> ResetRequest:
@@ -91,41 +89,10 @@ def _scene(text: str) -> ResetRequest:
     return ResetRequest(int(text))
 
 
-def _describe(node: Node, scene: Scene, timeout_s: float) -> int:
-    """Print what is on the table. Raises NoAnswerError if no sample arrives in time."""
-    if not spin_with_notice(node, lambda: scene.known, timeout_s):
-        if scene.arena is not None:
-            raise NoAnswerError(
-                f"arena {printable(scene.arena.arena_id)} describes itself, but no observation of "
-                f"it arrived within {timeout_s:g} s"
-            )
-        raise NoAnswerError(
-            f"no arena within {timeout_s:g} s: does one run, in this ROS domain and namespace?"
-        )
-    for label, text in scene.rows():
-        print(f"{label}: {text}")
-    print(_suggested(scene))
-    return 0
-
-
-def _suggested(scene: Scene) -> str:
-    return "\n  ".join(["programs that make sense now:", *scene.suggestions()])
-
-
-def _pursue(node: Node, text: str, how: SendOptions) -> int | None:
-    """Send a goal to the agent; None if it offers no action, as agents that learn do."""
-    client = GoalClient(node, partial(spin_with_notice, node))
-    try:
-        if not client.offered(min(OFFER_S, how.timeout_s)):
-            return None
-        goal = ProgramGoal(text, WINDOW_S, HOLD_S)
-        result = client.execute(goal, how.timeout_s, _Feedback(text))
-    finally:
-        client.close()
-    if result.position >= 0 or result.code.startswith("program."):
-        print(_refused(result.code, result.reason), file=sys.stderr)
-        return EXIT_REFUSED
-    print(result_text(text, result))
+def _execute(arm: Arm, text: str) -> int:
+    """Execute the program to its end. Raises PaError if it is rejected."""
+    result = arm.execute(text, progress=_Feedback(text))
+    print(result_text(result))
     return 0 if result.success else EXIT_NOT_SATISFIED
 
 
@@ -145,28 +112,24 @@ class _Feedback:
         print(f"  {where}; p of {words or 'nothing yet'}", flush=True)
 
 
-def _send(node: Node, text: str, how: SendOptions) -> int:
-    """Publish the program; with `wait`, follow the steps until the outcome is clear."""
-    sender = ProgramSender(node, partial(spin_with_notice, node))
+def _send(arm: Arm, text: str) -> int:
+    """Publish the program, and print the answers."""
     try:
-        answers = sender.send(text, how.timeout_s)
+        answers = arm.send(text)
     finally:  # also after a timeout: some nodes may have answered
-        print_answers(sender.answers)
+        print_answers(arm.answers)
     if answers.refused:
-        return EXIT_REFUSED
-    if not how.wait:
-        return 0
-    execution = sender.wait(how.timeout_s)
-    print(execution.text(text))
-    return 0 if execution.satisfied else EXIT_NOT_SATISFIED
+        print(arm.scene().suggested(), file=sys.stderr)
+    return EXIT_REFUSED if answers.refused else 0
 
 
-def result_text(program: str, result: GoalResult) -> str:
+def result_text(result: Result) -> str:
     """One line: the verdict, the distance, the time to reach or the reason."""
-    where = f"distance {measured(program, result.final_distance)}"
+    where = f"distance {measured(result.program, result.distance)}"
     if result.success:
-        return f"satisfied: {where}, reached after {result.time_to_reach_s or 0.0:.1f} s"
-    return f"not satisfied: {where}: {printable(result.reason)} [{printable(result.code)}]"
+        return f"satisfied: {where}, reached after {result.reached_s or 0.0:.1f} s"
+    code = f" [{printable(result.code)}]" if result.code else ""
+    return f"not satisfied: {where}: {printable(result.reason)}{code}"
 
 
 def print_answers(answers: Answers) -> None:

@@ -12,13 +12,14 @@ from typing import Any
 
 from rclpy.node import Node
 
+from pa_ros.acting.insight import explained
 from pa_ros.console import markup
 from pa_ros.console.history import History
-from pa_ros.console.insight import Moment, explained
+from pa_ros.console.moment import Moment
 from pa_ros.console.page import Page
 from pa_ros.console.server import ConsoleError, attempt
 from pa_ros.console.services import ArenaServices
-from pa_ros.console.sources import DEPTH, AgentWeights, Sampler
+from pa_ros.console.sources import DEPTH, Sampler
 from pa_ros.core.errors import PaError
 from pa_ros.language import Vocabulary, parse
 from pa_ros.ros.refusals import Refusals
@@ -26,6 +27,7 @@ from pa_ros.ros.topics import ARENA_INFO, OBJECT_FEATURES, PROGRAM, PROGRAM_STAT
 from pa_ros.tools.client import namespaces_of_arenas
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
 from pa_ros.tools.scenes import suggested_programs
+from pa_ros.tools.weights import AgentWeights
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, Mode, decode_arena_info
 from pa_ros.wire.program import ProgramRequest, decode_program_status, encode_program

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from html import escape
 
-from pa_ros.console.insight import Explanation, Moment
+from pa_ros.acting.insight import Explanation
+from pa_ros.console.moment import Moment
 from pa_ros.core.errors import PaError
 from pa_ros.language import Vocabulary, parse
 from pa_ros.world.relation import measured

@@ -10,7 +10,7 @@ import numpy as np
 import viser
 
 from pa_ros.console import markup
-from pa_ros.console.insight import Moment
+from pa_ros.console.moment import Moment
 from pa_ros.console.scene import ArenaScene
 from pa_ros.console.server import ConsoleServer
 from pa_ros.core.errors import PaError

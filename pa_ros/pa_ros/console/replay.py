@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 import viser
 
+from pa_ros.acting.insight import Insight, agent_logic, explained
 from pa_ros.bags.episodes import RecordedEpisode, Row, episodes
 from pa_ros.bags.errors import ProvenanceError
 from pa_ros.bags.experience import PROVENANCE, WEIGHTS, arenas_of
 from pa_ros.bags.reader import Bag
 from pa_ros.console import markup
-from pa_ros.console.insight import Insight, Moment, agent_logic, explained
+from pa_ros.console.moment import Moment
 from pa_ros.console.page import Page
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Observation

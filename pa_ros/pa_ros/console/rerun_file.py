@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pa_ros.bags.episodes import RecordedEpisode
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.film import Stage
-from pa_ros.console.insight import Moment
+from pa_ros.console.moment import Moment
 from pa_ros.console.replay import Replay
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64

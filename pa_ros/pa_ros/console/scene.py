@@ -14,7 +14,7 @@ from mjviser import ViserMujocoScene
 
 from pa_ros.bags.episodes import RecordedEpisode
 from pa_ros.bags.film import Stage
-from pa_ros.console.insight import Moment
+from pa_ros.console.moment import Moment
 from pa_ros.world.relation import RELATIONS
 
 HIDDEN_GROUP = 5  # mjviser does not draw geoms of this group

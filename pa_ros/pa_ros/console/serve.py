@@ -72,7 +72,10 @@ def beside(node: Node, settings: ConsoleSettings, namespace: str = "") -> Iterat
     with ConsoleServer(settings) as server:
         # Nobody spins this node: the steps of an arena are taken only when they are drawn.
         sampled = rclpy.create_node(
-            f"{node.get_name()}_sampler", enable_rosout=False, start_parameter_services=False
+            f"{node.get_name()}_sampler",
+            context=node.context,
+            enable_rosout=False,
+            start_parameter_services=False,
         )
         live = LiveConsole(node, sampled, Page(server), namespace)
         visitors = Visitors(server, lambda client: Controls(client, live))

@@ -15,6 +15,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.evaluation.evaluate import AgentPolicy, policy_of
 from pa_ros.language import MIN_MAX, Logic
+from pa_ros.learning.checkpoint_files import SHIPPED_PREFIX
 from pa_ros.learning.checkpoints import load_policy, read_metadata
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.networks.config import actor_config
@@ -75,6 +76,13 @@ def load_agent(
     asked = actor_config(snapshot.architecture).vocabulary.relations
     task = design_named(named["design"]).with_relations(*asked)
     return TrainedAgent(snapshot, task, arena, logic, str(facts.get("perception", "")))
+
+
+def checkpoint_named(agent: str | Path) -> Path:
+    """The checkpoint of an agent: a path, or the name of one of the package's own ("3-D")."""
+    text = str(agent)
+    is_path = "/" in text or text.startswith(SHIPPED_PREFIX) or Path(agent).exists()
+    return Path(agent) if is_path else Path(f"{SHIPPED_PREFIX}{agent}")
 
 
 def trained(out: Path) -> Path:

@@ -8,9 +8,13 @@ import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.text import natural
+
+if TYPE_CHECKING:
+    from rclpy.context import Context
 
 LAST_DOMAIN = 232  # a higher one would need ports above 65535
 LOOPBACK_PROFILE = Path(__file__).with_name("loopback.xml")
@@ -57,21 +61,32 @@ def _has_log_folder() -> bool:
     return os.access(f"{home}/log", os.W_OK)
 
 
-def start_ros(arguments: Sequence[str]) -> None:
+def start_ros(
+    arguments: Sequence[str], context: Context | None = None, domain: int | None = None
+) -> None:
     """Call `rclpy.init`, without its signal handlers.
+
+    :param context: None: the process's default one.
+    :param domain: the ROS domain; None: ROS_DOMAIN_ID, or 0.
 
     Raises ConfigError for an impossible ROS_DOMAIN_ID, an unreadable parameters file, a bad remap
     rule, or a folder for logs that can't be written.
     """
-    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
-    number = natural(domain)
-    if number is None or number > LAST_DOMAIN:
-        raise ConfigError(f"ROS_DOMAIN_ID: expected 0 to {LAST_DOMAIN}, got {domain!r}")
+    named = os.environ.get("ROS_DOMAIN_ID") or "0"
+    number = natural(named) if domain is None else domain
+    if number is None or not 0 <= number <= LAST_DOMAIN:
+        got = repr(named if domain is None else domain)
+        raise ConfigError(f"ROS_DOMAIN_ID: expected 0 to {LAST_DOMAIN}, got {got}")
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
     try:
-        rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(
+            args=list(arguments),
+            context=context,
+            domain_id=number,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
     except RuntimeError as error:
         raise ConfigError(f"ROS does not start: {error}") from error
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from contextlib import redirect_stderr
 from typing import Any
 from weakref import WeakKeyDictionary, WeakSet
 
@@ -73,7 +75,9 @@ def _executor_of(node: Node, others: tuple[Node, ...]) -> Any:
     """
     executor = _executors.get(node)
     if executor is None:
-        executor = _executors[node] = EventsExecutor()
+        # It enables faulthandler, which needs a real file: notebooks and tests replace sys.stderr.
+        with redirect_stderr(sys.__stderr__ or sys.stderr):
+            executor = _executors[node] = EventsExecutor(context=node.context)
     for served in (node, *others):
         if served.executor is None:
             executor.add_node(served)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -11,16 +10,14 @@ from typing import Any
 
 from rclpy.node import Node
 
-from pa_ros.core.errors import ConfigError, PaError
+from pa_ros.core.errors import PaError
 from pa_ros.ros.environment import check_namespace, prepare_environment, start_ros
 from pa_ros.ros.executor import release, spin_until
 from pa_ros.ros.topics import ARENA_INFO, RESET, SET_SIMULATION_STATE
 from pa_ros.wire.services import Outcome, ResetRequest, decode_outcome, encode_reset
 from pa_ros.wire.simulator import SimState, encode_state_request
 
-__all__ = ["ArenaClient", "NoAnswerError", "Node", "client_node", "spin_with_notice"]
-
-NOTICE_S = 3.0
+__all__ = ["ArenaClient", "NoAnswerError", "Node", "client_node"]
 
 Spin = Callable[[Callable[[], bool], float], bool]
 """Spins until a condition is true or a time in seconds is over; whether it became true."""
@@ -33,20 +30,25 @@ class NoAnswerError(PaError):
 
 
 @contextmanager
-def client_node(name: str, namespace: str = "") -> Iterator[Node]:
-    """Start ROS and make a node named `<name>_<pid>`; end both afterwards.
+def client_node(name: str, namespace: str = "", domain: int | None = None) -> Iterator[Node]:
+    """Make a node named `<name>_<pid>` with ROS of its own; end both afterwards.
 
-    A process can have one at a time. Signals keep their handlers. Raises ConfigError for a
-    namespace that ROS rejects.
+    Other nodes of the process are not concerned. Signals keep their handlers. Raises ConfigError
+    for a namespace that ROS rejects.
+
+    :param domain: the ROS domain; None: ROS_DOMAIN_ID, or 0.
     """
     prepare_environment()
     import rclpy
+    from rclpy.context import Context
 
     check_namespace(namespace.strip("/"))
-    start_ros([])
+    context = Context()
+    start_ros([], context, domain)
     try:
         node = rclpy.create_node(
             f"{name}_{os.getpid()}",
+            context=context,
             namespace=f"/{namespace.strip('/')}",
             enable_rosout=False,
             start_parameter_services=False,
@@ -57,31 +59,7 @@ def client_node(name: str, namespace: str = "") -> Iterator[Node]:
             release(node)
             node.destroy_node()
     finally:
-        rclpy.try_shutdown()
-
-
-def spin_with_notice(node: Node, condition: Callable[[], bool], timeout_s: float) -> bool:
-    """Like `spin_until`, for an answer of an arena or its agent.
-
-    After NOTICE_S it says on standard error that there is no arena yet. If all arenas are in other
-    namespaces, it raises ConfigError instead, as waiting would not help.
-    """
-    before_notice_s = min(NOTICE_S, timeout_s)
-    if spin_until(node, condition, before_notice_s):
-        return True
-    found, here = namespaces_of_arenas(node), node.get_namespace()
-    if found and here not in found:
-        raise ConfigError(
-            f"--namespace: expected one with an arena ({', '.join(found)}), got {here}"
-        )
-    if timeout_s > before_notice_s and not found:
-        print(
-            f"no arena yet in ROS domain {node.context.get_domain_id()}, namespace {here}: "
-            f"waits for one, {timeout_s:g} s at most",
-            file=sys.stderr,
-            flush=True,
-        )
-    return spin_until(node, condition, timeout_s - before_notice_s)
+        context.try_shutdown()
 
 
 def namespaces_of_arenas(node: Node) -> tuple[str, ...]:

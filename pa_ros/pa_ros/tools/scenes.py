@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from math import inf, isfinite
 from typing import Any
 
-import numpy as np
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Verdict
+from pa_ros.core.experience import Step
 from pa_ros.core.text import printable
 from pa_ros.language import parse, require_target
 from pa_ros.ros.executor import steady_timer
@@ -28,7 +29,69 @@ MAX_SUGGESTIONS = 12
 POLL_S = 0.5  # between two checks whether an arena publishes samples
 
 
+@dataclass(frozen=True)
 class Scene:
+    """What is on an arena's table at one step, and what could be asked there; `print` shows it."""
+
+    arena: ArenaDescription
+    step: Step
+
+    @property
+    def blocks(self) -> tuple[str, ...]:
+        """Names of the blocks, such as RED CUBE."""
+        seen = self.step.observation
+        hand, names = seen.hand_index, self.arena.world.schema.labels(seen.objects, seen.hand_index)
+        return (*names[:hand], *names[hand + 1 :])
+
+    @property
+    def episode(self) -> int:
+        """The episode's number."""
+        return self.step.observation.episode
+
+    @property
+    def program(self) -> str:
+        """The program in force; empty: none."""
+        return printable(self.step.program)
+
+    @property
+    def distance(self) -> float:
+        """The measure of the program's relation, for NEAR in m; inf: nobody judged it."""
+        return self.step.verdict.distance if self.step.verdict else inf
+
+    @property
+    def satisfied(self) -> bool:
+        """Whether the program is satisfied now."""
+        return self.step.verdict is not None and self.step.verdict.satisfied
+
+    @property
+    def programs(self) -> tuple[str, ...]:
+        """Up to MAX_SUGGESTIONS programs that name something on the table."""
+        return suggested_programs(self.arena, self.blocks)
+
+    def rows(self) -> list[tuple[str, str]]:
+        """(label, text) for a table."""
+        blocks, program = ", ".join(self.blocks), self.program or "none"
+        return [("blocks", blocks), ("program", program), ("distance", self.shown_distance())]
+
+    def line(self) -> str:
+        """Program and distance in one line."""
+        return f"{self.program or 'no program'}, {self.shown_distance()}"
+
+    def __str__(self) -> str:
+        return "\n".join([*(f"{label}: {text}" for label, text in self.rows()), self.suggested()])
+
+    def suggested(self) -> str:
+        """The programs that make sense, one a line."""
+        return "\n  ".join(["programs that make sense now:", *self.programs])
+
+    def shown_distance(self) -> str:
+        """The distance with its unit, and whether the program is satisfied."""
+        if not isfinite(self.distance):
+            return "-"
+        return measured(self.program, self.distance) + (", satisfied" if self.satisfied else "")
+
+
+class SceneMonitor:
     """Follows an arena by its samples, four times a second, while `node` is spun.
 
     A robot's driver publishes no samples. Then the steps themselves are read, best effort, so that
@@ -38,9 +101,8 @@ class Scene:
     def __init__(self, node: Node, namespace: str = "") -> None:
         """`namespace` is below the node's; with a slash, anywhere."""
         self.arena: ArenaDescription | None = None
-        self.names: tuple[str, ...] = ()  # of the blocks, such as RED CUBE
-        self.episode, self.program = -1, ""
-        self.verdict: Verdict | None = None
+        self.scene: Scene | None = None  # the newest; None: no sample or step has arrived
+        self.moved_at = time.monotonic()  # when the arena's time was last seen to advance
         self._node = node
         self._step_reader: Any = None
         guard = Refusals(lambda _: None).guard  # the graph's nodes report what can't be decoded
@@ -50,32 +112,6 @@ class Scene:
         self._samples.subscribe(node, self._receive)
         self._steps = replace(OBJECT_FEATURES.within(namespace), reader=qos_profile_sensor_data)
         steady_timer(node, POLL_S, self._choose_source)
-
-    @property
-    def known(self) -> bool:
-        """Whether a sample or a step has arrived."""
-        return bool(self.names)
-
-    def suggestions(self) -> tuple[str, ...]:
-        """Programs that name one of the blocks."""
-        return () if self.arena is None else suggested_programs(self.arena, self.names)
-
-    def rows(self) -> list[tuple[str, str]]:
-        """(label, text) for a table; empty until a sample has arrived."""
-        if not self.known:
-            return []
-        blocks, program = ", ".join(self.names), self.program or "none"
-        return [("blocks", blocks), ("program", program), ("distance", self._distance())]
-
-    def line(self) -> str:
-        """Program and distance in one line."""
-        return f"{self.program or 'no program'}, {self._distance()}" if self.known else ""
-
-    def _distance(self) -> str:
-        if self.verdict is None or not np.isfinite(self.verdict.distance):
-            return "-"
-        reached = ", satisfied" if self.verdict.satisfied else ""
-        return f"{measured(self.program, self.verdict.distance)}{reached}"
 
     def _choose_source(self) -> None:
         """Read whole steps only where an arena publishes no samples."""
@@ -93,11 +129,10 @@ class Scene:
         if self.arena is None:
             return
         world = self.arena.world
-        step = decode_step(message, world.joints, world.object_features)
-        seen, self.verdict = step.observation, step.verdict
-        hand, names = seen.hand_index, world.schema.labels(seen.objects, seen.hand_index)
-        self.names = (*names[:hand], *names[hand + 1 :])
-        self.program, self.episode = printable(step.program), seen.episode
+        before, step = self.scene, decode_step(message, world.joints, world.object_features)
+        if before is None or step.observation.stamp_ns != before.step.observation.stamp_ns:
+            self.moved_at = time.monotonic()
+        self.scene = Scene(self.arena, step)
 
 
 class SceneFigures:
@@ -106,19 +141,21 @@ class SceneFigures:
     def __init__(self, node: Node, figures: GraphFigures, arenas: Sequence[str]) -> None:
         """`arenas` are namespaces below the node's; empty: one arena in the node's own."""
         self._figures = figures
-        self._scenes = {arena: Scene(node, arena) for arena in arenas or ("",)}
+        self._monitors = {arena: SceneMonitor(node, arena) for arena in arenas or ("",)}
 
     def rows(self) -> list[tuple[str, str]]:
         """(label, text): the scene of a single arena, or a line for each of several."""
-        if list(self._scenes) == [""]:
-            shown = self._scenes[""].rows()
+        scenes = {name: monitor.scene for name, monitor in self._monitors.items()}
+        if list(scenes) == [""]:
+            shown = scenes[""].rows() if scenes[""] else []
         else:
-            shown = [(f"/{name}: at", one.line()) for name, one in self._scenes.items()]
+            shown = [(f"/{name}: at", one.line() if one else "") for name, one in scenes.items()]
         return self._figures.rows(shown)
 
     def line(self) -> str:
         """One plain line, with the scene of a single arena."""
-        scene = self._scenes.get("")
+        monitor = self._monitors.get("")
+        scene = monitor.scene if monitor else None
         return "  ".join(filter(None, [self._figures.line(), scene.line() if scene else ""]))
 
 

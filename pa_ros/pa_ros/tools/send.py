@@ -1,21 +1,15 @@
-"""Send a program to a running graph: as a message to everyone, or as a goal of one agent."""
+"""Publish a program to everyone in a running graph, and follow it."""
 
 from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
 
-from pydantic import Field
-from rclpy.action import ActionClient
 from rclpy.node import Node
 
-from pa_ros.acting.execution import Execution, ExecutionWatch
-from pa_ros.core.settings import Settings
-from pa_ros.ros.actions import EXECUTE_PROGRAM
+from pa_ros.acting.execution import HOLD_S, WINDOW_S, Execution, ExecutionWatch
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import (
@@ -29,37 +23,15 @@ from pa_ros.ros.topics import (
 from pa_ros.tools.client import NoAnswerError, Spin
 from pa_ros.wire import Message
 from pa_ros.wire.program import (
-    GoalProgress,
-    GoalResult,
-    ProgramGoal,
     ProgramRequest,
     ProgramStatus,
-    decode_goal_feedback,
-    decode_goal_result,
     decode_program_status,
-    encode_goal,
     encode_program,
 )
 from pa_ros.wire.step import decode_step
 
 RESEND_S = 1.0
 SETTLE_S = 1.0  # until nodes on one machine have found each other
-CANCEL_S = 5.0
-RETRY_S = 0.5
-UNREADY = "goal.unready"
-REJECTED = "goal.rejected"
-NO_GOALS = (
-    "the agent takes no goals now: is it configured and active? (ros2 lifecycle get, with its name)"
-)
-
-
-class SendOptions(Settings):
-    """How to send."""
-
-    timeout_s: float = Field(
-        30.0, gt=0, description="seconds to wait for the answers, and again for the verdict"
-    )
-    wait: bool = Field(False, description="send it as the agent's goal, and wait for the verdict")
 
 
 @dataclass
@@ -100,14 +72,17 @@ class ProgramSender:
         ):
             topic.subscribe(node, self.refusals.guard(topic.name, callback))
 
-    def send(self, text: str, timeout_s: float) -> Answers:
+    def send(
+        self, text: str, timeout_s: float, window_s: float = WINDOW_S, hold_s: float = HOLD_S
+    ) -> Answers:
         """Publish a program and wait until an arena, an agent and all others have answered.
 
-        Returns at the first refusal. Raises NoAnswerError if a node doesn't answer.
+        Returns at the first refusal. Raises NoAnswerError if a node doesn't answer. Window and hold
+        are those of `ExecutionWatch`, for `wait`.
         """
         self._program_id = f"send-{uuid.uuid4().hex[:16]}"
         self.answers, self._execution = Answers(), None
-        self._watch = ExecutionWatch(self._program_id)
+        self._watch = ExecutionWatch(self._program_id, window_s, hold_s)
         self._message = encode_program(ProgramRequest(self._program_id, text))
         self._publish()
         if not self._spin(self._answered, timeout_s):
@@ -158,63 +133,3 @@ class ProgramSender:
     def _on_step(self, message: Message) -> None:
         if self._execution is None:
             self._execution = self._watch.observe(decode_step(message))
-
-
-class GoalClient:
-    """The action execute_program in a node's namespace."""
-
-    def __init__(self, node: Node, spin: Spin | None = None) -> None:
-        self._spin = spin or partial(spin_until, node)
-        self._client = ActionClient(node, EXECUTE_PROGRAM[1], EXECUTE_PROGRAM[0])
-
-    def offered(self, timeout_s: float) -> bool:
-        """Whether an agent offers the action, now or within a time."""
-        return self._spin(self._client.server_is_ready, timeout_s)
-
-    def close(self) -> None:
-        """Call before the node is destroyed."""
-        self._client.destroy()
-
-    def execute(
-        self,
-        goal: ProgramGoal,
-        timeout_s: float,
-        progress: Callable[[GoalProgress], None] = lambda _: None,
-    ) -> GoalResult:
-        """Have an agent pursue a goal to its end. An exception meanwhile cancels the goal.
-
-        An agent that knows no arena or weights yet is asked again. If the agent takes no goals,
-        the result has the code REJECTED. Raises NoAnswerError.
-        """
-        until = time.monotonic() + timeout_s
-        while True:
-            result = self._attempt(goal, timeout_s, progress)
-            if result.code != UNREADY or time.monotonic() > until:
-                return result
-            self._spin(lambda: False, RETRY_S)
-
-    def _attempt(
-        self, goal: ProgramGoal, timeout_s: float, progress: Callable[[GoalProgress], None]
-    ) -> GoalResult:
-        sent = self._client.send_goal_async(
-            encode_goal(goal),
-            feedback_callback=lambda m: progress(decode_goal_feedback(m.feedback)),
-        )
-        if not self._spin(sent.done, timeout_s):
-            raise NoAnswerError(f"no agent accepted the goal within {timeout_s:g} s")
-        handle: Any = sent.result()
-        if not handle.accepted:
-            return GoalResult(False, code=REJECTED, reason=NO_GOALS)
-        result = handle.get_result_async()
-        try:
-            if not self._spin(result.done, timeout_s):
-                raise NoAnswerError(f"it is still being executed after {timeout_s:g} s")
-        finally:
-            if not result.done():
-                # The arm must not pursue a goal that nobody waits for any more.
-                self._spin(handle.cancel_goal_async().done, CANCEL_S)
-        ended = decode_goal_result(result.result().result)
-        # An agent that is cleaned up meanwhile aborts its goal without a word.
-        if not ended.success and not ended.code:
-            return GoalResult(False, code=REJECTED, reason=NO_GOALS)
-        return ended

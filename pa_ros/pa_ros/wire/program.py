@@ -113,7 +113,10 @@ def decode_program_status(message: msg.ProgramStatus) -> ProgramStatus:
 def encode_goal(goal: ProgramGoal) -> action.ExecuteProgram.Goal:
     """Return the request for a program to be executed."""
     return action.ExecuteProgram.Goal(
-        program=goal.text, time_limit_s=goal.time_limit_s, hold_s=goal.hold_s
+        # rclpy would read the bits of an int as those of a float.
+        program=goal.text,
+        time_limit_s=float(goal.time_limit_s),
+        hold_s=float(goal.hold_s),
     )
 
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from math import nan
 from typing import Any
 
 import numpy as np
 
-from pa_ros.bags.episodes import Row
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.experience import Float32, Float64, Observation, PolicySnapshot
 from pa_ros.language import (
@@ -33,7 +31,6 @@ from pa_ros.networks.config import actor_config
 from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.families import family_of
 from pa_ros.networks.inference import TorchActor
-from pa_ros.wire.arena import ArenaDescription
 
 
 @dataclass(frozen=True)
@@ -50,45 +47,21 @@ class Explanation:
     """Φ and p of all objects at one moment, hand included."""
 
     version: int  # of the weights
-    words: tuple[str, ...]
+    objects: tuple[str, ...]  # [N] labels: "hand", "RED CUBE"
+    words: tuple[str, ...]  # [V]
     phi: Float32  # [V, N]
     p: Float64  # [N]; the hand's is 1; empty without a program
     tree: tuple[Node, ...]  # parents before children, left to right
 
-
-@dataclass(frozen=True)
-class Moment:
-    """One control step as the page shows it, from a running graph or from a bag."""
-
-    arena: ArenaDescription
-    observation: Observation
-    evaluation: bool
-    program: str  # canonical text in force; empty: none, or not known
-    reward: float = nan
-    distance: float = nan  # m; for other relations than NEAR, their own measure
-    satisfied: bool | None = None  # None: not recorded
-    explanation: Explanation | None = None  # None: no weights, or none that fit
-    unexplained: str = ""  # why there is no explanation
-
-    @property
-    def row(self) -> Row:
-        """The same as a row of a recording."""
-        seen = self.observation
-        return Row(
-            seen.step,
-            seen.stamp_ns,
-            seen.objects,
-            seen.hand_index,
-            self.program,
-            joint_position=seen.joint_position,
-            joint_velocity=seen.joint_velocity,
-        )
-
-    @property
-    def blocks(self) -> list[int]:
-        """Rows of the observation's objects that are blocks."""
-        seen = self.observation
-        return [i for i in range(len(seen.objects)) if i != seen.hand_index]
+    def __str__(self) -> str:
+        """A table: a row for each object, a column for each word, and p."""
+        named = [*zip(self.words, self.phi, strict=True), *([("p", self.p)] if len(self.p) else [])]
+        first = max(map(len, self.objects))
+        rows = [" ".join([" " * first, *(f"{name:>5}" for name, _ in named)])]
+        for i, label in enumerate(self.objects):
+            cells = (f"{column[i]:{max(5, len(name))}.2f}" for name, column in named)
+            rows.append(" ".join([f"{label:<{first}}", *cells]))
+        return "\n".join(rows)
 
 
 class Insight:
@@ -110,8 +83,9 @@ class Insight:
         """Raises ProgramError if the program is of another vocabulary."""
         phi = self._inference.properties(observation.objects, self._world.arm(observation))
         words, row = self._vocabulary.words, self._vocabulary.row
+        labels = self._world.schema.labels(observation.objects, observation.hand_index)
         if program is None:
-            return Explanation(self._version, words, phi, np.zeros(0), ())
+            return Explanation(self._version, labels, words, phi, np.zeros(0), ())
         hand, bodiless = observation.hand_index, self._vocabulary.bodiless
         p = relevance(program, phi.tolist(), row, hand, self._logic, bodiless)
         values = {word: phi[row[word]].astype(np.float64) for word in program.words}
@@ -119,7 +93,7 @@ class Insight:
         # Nobody needs an explanation of the hand, so the tree is that of the target alone.
         sets = [program.target] if program.moves_hand else [program.moved, program.target]
         tree = tuple(node for one in sets for node in _nodes(one, values.__getitem__, self._logic))
-        return Explanation(self._version, words, phi, np.array(p), tree)
+        return Explanation(self._version, labels, words, phi, np.array(p), tree)
 
 
 def agent_logic(parameters: Mapping[str, Any]) -> Logic:

@@ -1,0 +1,46 @@
+"""One control step as the page shows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import nan
+
+from pa_ros.acting.insight import Explanation
+from pa_ros.bags.episodes import Row
+from pa_ros.core.experience import Observation
+from pa_ros.wire.arena import ArenaDescription
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One control step as the page shows it, from a running graph or from a bag."""
+
+    arena: ArenaDescription
+    observation: Observation
+    evaluation: bool
+    program: str  # canonical text in force; empty: none, or not known
+    reward: float = nan
+    distance: float = nan  # m; for other relations than NEAR, their own measure
+    satisfied: bool | None = None  # None: not recorded
+    explanation: Explanation | None = None  # None: no weights, or none that fit
+    unexplained: str = ""  # why there is no explanation
+
+    @property
+    def row(self) -> Row:
+        """The same as a row of a recording."""
+        seen = self.observation
+        return Row(
+            seen.step,
+            seen.stamp_ns,
+            seen.objects,
+            seen.hand_index,
+            self.program,
+            joint_position=seen.joint_position,
+            joint_velocity=seen.joint_velocity,
+        )
+
+    @property
+    def blocks(self) -> list[int]:
+        """Rows of the observation's objects that are blocks."""
+        seen = self.observation
+        return [i for i in range(len(seen.objects)) if i != seen.hand_index]

@@ -1,0 +1,369 @@
+"""`pa_ros.Arm`: use a running graph from Python, or start one, without touching ROS."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pa_ros import Result
+from pa_ros.acting.execution import HOLD_S, WINDOW_S
+from pa_ros.core.errors import PaError
+from pa_ros.language import parse, require_target
+from pa_ros.tools.client import NoAnswerError
+from pa_ros.tools.connection import Connection
+from pa_ros.tools.domain import DomainClaim
+from pa_ros.tools.launch_params import load_parameters, merged, packaged
+from pa_ros.tools.scenes import Scene
+from pa_ros.tools.send import Answers, ProgramSender
+from pa_ros.wire.arena import ArenaDescription
+from pa_ros.wire.program import (
+    GoalProgress,
+    GoalResult,
+    ProgramGoal,
+    decode_goal_feedback,
+    decode_goal_result,
+    encode_goal,
+)
+from pa_ros.wire.services import ResetRequest
+
+if TYPE_CHECKING:
+    from pa_ros.acting.insight import Explanation
+
+PATIENCE_S = 10.0
+STARTING_S = 60.0  # for nodes to start on a busy machine
+OFFER_S = 5.0  # for an agent that takes goals to be discovered
+CANCEL_S = 5.0
+RETRY_S = 0.5
+UNREAD = 1000  # feedback kept for a caller that does not read it
+UNREADY, REJECTED = "goal.unready", "goal.rejected"
+# Codes of goals that were accepted, and ended without reaching the target.
+ENDINGS = {"goal.time_limit", "goal.cancelled", "goal.replaced", "goal.episode_ended",
+           "goal.arena_gone", "goal.inactive"}  # fmt: skip
+NO_GOALS = (
+    "the agent takes no goals now: is it configured and active? (ros2 lifecycle get, with its name)"
+)
+NO_AGENT = (
+    "no agent that takes goals: start one (`pa_ros launch` starts an arena and an agent); agents "
+    "that learn take none"
+)
+
+
+class Arm:
+    """An arm that executes programs: that of the running graph, or with `Arm.simulated()` its own.
+
+        with Arm() as arm:
+            print(arm.scene())
+            result = arm.execute("NEAR(HAND, AND(RED, CUBE))", timeout=10)
+            print(result.success, result.distance)
+
+    Methods block until they have an answer and may be called from any thread. They raise PaError:
+    ProgramError for a wrong program, NoAnswerError if nobody answers. `close()`, or the end of the
+    `with` block, cancels what is being executed and ends everything that this object started.
+    """
+
+    def __init__(
+        self,
+        namespace: str = "",
+        *,
+        patience: float = PATIENCE_S,
+        domain: int | None = None,
+        graph: Connection | None = None,
+    ) -> None:
+        """Join the running graph.
+
+        :param namespace: of the arena.
+        :param patience: longest wait for an answer or a sign of life, seconds of wall time.
+        :param domain: the ROS domain; None: ROS_DOMAIN_ID, or 0.
+        :param graph: a connection that was made before, which this object closes.
+        :raises NoAnswerError: if there is no arena within `patience`.
+        :raises ConfigError: if there is one, but in another namespace.
+        """
+        self.graph = graph or Connection(namespace, patience, domain)
+        self.goal: Goal | None = None
+        self._made_sender: ProgramSender | None = None
+        try:
+            self.graph.join()
+        except BaseException:
+            self.graph.close()
+            raise
+
+    @classmethod
+    def simulated(
+        cls,
+        agent: str | Path = "3-D",
+        *,
+        seed: int = 2,
+        speed: float = 1.0,
+        record: Path | None = None,
+        logs: Path | None = None,
+        domain: int | None = None,
+        **arena: Any,
+    ) -> Arm:
+        """Start an arena and an agent in another process, and join them.
+
+        :param agent: a shipped one ("3-D") or the folder of a training run. Design, arm and preset
+            are those of its training.
+        :param seed: of the scenes.
+        :param speed: times real time.
+        :param record: a new folder for a recording of all messages.
+        :param logs: for parameters and logs; None: a temporary folder.
+        :param domain: the ROS domain; None: one that nobody uses on this machine.
+        :param arena: other parameters of `sim_node`, such as `condition="only-color"`.
+        :raises ChildError: if the process ends by itself; the text has the end of its log.
+        """
+        from pa_ros.evaluation.agents import checkpoint_named, load_agent
+
+        checkpoint = checkpoint_named(agent)
+        trained = load_agent(checkpoint)
+        world: dict[str, Any] = {"design": trained.design.name, "arm": trained.arena.arm}
+        world |= {"relations": list(trained.design.vocabulary.relations)}
+        world |= {"preset": trained.arena.preset, "seed": seed, "real_time_factor": float(speed)}
+        changes = {"sim_node": world | arena, "agent_node": {"checkpoint": str(checkpoint)}}
+        parameters = merged(load_parameters(packaged("execute_3d")), changes)
+        graph = Connection("", STARTING_S, DomainClaim() if domain is None else domain)
+        try:
+            graph.start(parameters, record, logs)
+        except BaseException:
+            graph.close()
+            raise
+        return cls(graph=graph)
+
+    # What is on the table
+
+    @property
+    def arena(self) -> ArenaDescription:
+        """What the arena, or the robot in its place, says of itself: words, joints, limits."""
+        return self.scene().arena
+
+    def scene(self) -> Scene:
+        """What is on the table now: blocks, the program in force, programs that make sense."""
+        assert self.graph.monitor.scene is not None  # the constructor waited for it
+        return self.graph.monitor.scene
+
+    def check(self, program: str) -> str:
+        """The program in canonical form.
+
+        Raises ProgramError, whose text shows the place, unless it can be executed in this scene.
+        """
+        scene = self.scene()
+        vocabulary = scene.arena.world.vocabulary
+        parsed = parse(program, vocabulary)
+        present = [set(name.split()) for name in scene.blocks]
+        require_target(parsed, present, None, vocabulary.bodiless)
+        return str(parsed)
+
+    def explain(self, program: str = "") -> Explanation:
+        """Φ and p of the objects on the table, by the weights that the agent acts with.
+
+        Φ says to what degree each word describes each object, p how well it fits the program;
+        without a program there is no p. Raises PaError if the weights are not known here.
+        """
+        scene, graph, weights = self.scene(), self.graph, self.graph.weights
+        parsed = parse(program, scene.arena.world.vocabulary) if program else None
+        graph.call(weights.forget)
+        until = time.monotonic() + graph.patience
+        while weights.insight is None and not weights.why and time.monotonic() < until:
+            graph.call(weights.refresh)
+            graph.until(lambda: weights.insight is not None, RETRY_S)
+        graph.call(weights.rest)
+        if weights.insight is None:
+            why = weights.why or "neither a checkpoint nor a learner's weights became known"
+            raise PaError(f"explain: expected the agent's weights, got none: {why}", "arm.weights")
+        return weights.insight.explain(scene.step.observation, parsed)
+
+    # Programs
+
+    def execute(
+        self,
+        program: str,
+        timeout: float = WINDOW_S,
+        hold: float = HOLD_S,
+        progress: Callable[[GoalProgress], None] = lambda _: None,
+    ) -> Result:
+        """Execute a program until it has been satisfied for `hold`, or for `timeout`.
+
+        Both are seconds of the arena's time. Not to reach the target is a result, no error. Where
+        nobody takes goals (agents that learn, other controllers), the program is published, and the
+        arena's verdicts are watched. Ctrl-C cancels it.
+
+        :param progress: receives distance and p of each object, five times a second.
+        """
+        if self.graph.until(self.graph.goals.server_is_ready, min(OFFER_S, self.graph.patience)):
+            return self.start(program, timeout, hold).result(progress)
+        answers = self.send(program, timeout, hold)
+        for status in answers.refused:
+            raise PaError(f"{status.node}: {status.reason}", status.code)
+        found = self._sender.wait(self.graph.patience)
+        reason = "" if found.satisfied else found.text(program)
+        return Result(program, found.satisfied, found.distance, found.reached_s, reason)
+
+    def start(self, program: str, timeout: float = WINDOW_S, hold: float = HOLD_S) -> Goal:
+        """Begin to execute a program as `execute` does, and return at once.
+
+        A timeout of 0 is none. Raises NoAnswerError if no agent takes goals.
+        """
+        text = str(parse(program, self.arena.world.vocabulary))
+        if not self.graph.until(self.graph.goals.server_is_ready):
+            raise NoAnswerError(f"execute: {NO_AGENT}", code="arm.no_agent")
+        self.goal = Goal(self.graph, ProgramGoal(text, timeout, hold))
+        return self.goal
+
+    def cancel(self) -> None:
+        """Cancel what `start` or `execute` began; the arm holds. Without that, do nothing."""
+        if self.goal is not None:
+            self.goal.cancel()
+
+    def send(self, program: str, timeout: float = WINDOW_S, hold: float = HOLD_S) -> Answers:
+        """Publish a program to everyone; the answers of the arena, the agent and others.
+
+        It stays in force until another one comes. Raises NoAnswerError if one of them is silent.
+        """
+        return self._sender.send(program, self.graph.patience, timeout, hold)
+
+    @property
+    def answers(self) -> Answers:
+        """The answers to the latest `send`, also if it failed."""
+        return self._sender.answers
+
+    # The arena's time and scenes
+
+    def reset(self, episode: int | None = None, evaluation: bool = False) -> Scene:
+        """Begin the next scene, or that of an episode; what is on the table then."""
+        began = self.graph.services.reset(
+            ResetRequest(episode, "", evaluation), self.graph.patience
+        )
+
+        def arrived() -> bool:
+            seen = self.scene().step.observation
+            return seen.episode == began.episode and seen.stamp_ns >= began.stamp_ns
+
+        if not self.graph.until(arrived):
+            raise NoAnswerError(f"reset: no step of episode {began.episode} arrived")
+        return self.scene()
+
+    def pause(self) -> None:
+        """Stop the arena's time."""
+        self.graph.services.pause(True, self.graph.patience)
+
+    def resume(self) -> None:
+        """Let the arena's time go on."""
+        self.graph.services.pause(False, self.graph.patience)
+
+    def close(self) -> None:
+        """Cancel the goal, leave the graph, and end what `simulated` started."""
+        try:
+            self.cancel()
+        finally:
+            self.goal = None
+            self.graph.close()
+
+    def __enter__(self) -> Arm:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def _sender(self) -> ProgramSender:
+        """Made when it is needed, since it reads every step."""
+        graph = self.graph
+        if self._made_sender is None:
+            self._made_sender = graph.call(lambda: ProgramSender(graph.node, graph.until))
+        return self._made_sender
+
+
+class Goal:
+    """A program that an agent executes. Iterate over it for its progress; `result()` waits."""
+
+    def __init__(self, graph: Connection, wanted: ProgramGoal) -> None:
+        """Send the goal. An agent that knows no arena or weights yet is asked again."""
+        self.program = wanted.text
+        self.graph, self._wanted = graph, wanted
+        self._unread: deque[GoalProgress] = deque(maxlen=UNREAD)
+        self._heard_at = self._began = time.monotonic()
+        self._handle: Any = None
+        self._ended: Any = None
+        while self._attempt() and time.monotonic() < self._began + graph.patience:
+            time.sleep(RETRY_S)
+
+    @property
+    def done(self) -> bool:
+        """Whether it has ended."""
+        return bool(self._ended.done())
+
+    def __iter__(self) -> Iterator[GoalProgress]:
+        """Yield distance, satisfaction and p of each object, five times a second, to the end.
+
+        Raises NoAnswerError, and cancels the goal, if agent or arena stand still for the arm's
+        patience.
+        """
+        while True:
+            self.graph.until(lambda: bool(self._unread) or self.done, RETRY_S)
+            if self._unread:
+                yield self._unread.popleft()
+            elif self.done:
+                return
+            self._check_alive()
+
+    def result(self, progress: Callable[[GoalProgress], None] = lambda _: None) -> Result:
+        """Wait for the end. An exception meanwhile cancels the goal.
+
+        Raises PaError if the agent takes no goals, or if the arena rejects the program.
+        """
+        try:
+            for one in self:
+                progress(one)
+        finally:
+            # The arm must not pursue a goal that nobody waits for any more.
+            self.cancel()
+        ended = self._result()
+        if not ended.success and ended.code not in ENDINGS:
+            # An agent that is cleaned up meanwhile aborts its goal without a word.
+            raise PaError(ended.reason or NO_GOALS, ended.code or REJECTED)
+        outcome = ended.success, ended.final_distance, ended.time_to_reach_s
+        return Result(self.program, *outcome, ended.reason, ended.code)
+
+    def cancel(self) -> None:
+        """Cancel it, if it has not ended; the arm holds."""
+        if not self.done:
+            asked = self.graph.call(self._handle.cancel_goal_async)
+            self.graph.until(lambda: bool(asked.done()) and self.done, CANCEL_S)
+
+    def _attempt(self) -> bool:
+        """Send the goal; whether it ended at once because the agent is not ready yet."""
+        graph = self.graph
+        message = encode_goal(self._wanted)
+        sent = graph.call(
+            partial(graph.goals.send_goal_async, message, feedback_callback=self._on_feedback)
+        )
+        if not graph.until(sent.done):
+            raise NoAnswerError(f"no agent accepted the goal within {graph.patience:g} s")
+        self._handle = sent.result()
+        if not self._handle.accepted:
+            raise PaError(NO_GOALS, REJECTED)
+        self._ended = graph.call(self._handle.get_result_async)
+        graph.until(lambda: self.done or bool(self._unread))
+        return self.done and self._result().code == UNREADY
+
+    def _on_feedback(self, message: Any) -> None:
+        self._heard_at = time.monotonic()
+        self._unread.append(decode_goal_feedback(message.feedback))
+
+    def _result(self) -> GoalResult:
+        return decode_goal_result(self._ended.result().result)
+
+    def _check_alive(self) -> None:
+        """Raise NoAnswerError if the agent is silent, or the arena's time stands still."""
+        graph, now = self.graph, time.monotonic()
+        silent_s = now - self._heard_at
+        still_s = now - max(self._began, graph.monitor.moved_at)
+        if max(silent_s, still_s) < graph.patience:
+            return
+        what = "the agent fell silent: does its node still run?"
+        if silent_s < graph.patience:
+            what = "the arena's time stands still: is it paused? (Arm.resume, set_simulation_state)"
+        raise NoAnswerError(f"no progress for {graph.patience:g} s: {what}", code="arm.stalled")

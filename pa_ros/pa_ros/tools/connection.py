@@ -1,0 +1,135 @@
+"""A connection to a running graph: a node that a thread serves, while other threads wait."""
+
+from __future__ import annotations
+
+import atexit
+import logging
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rclpy.action import ActionClient
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.ros.actions import EXECUTE_PROGRAM
+from pa_ros.ros.executor import spin_until
+from pa_ros.ros.refusals import Refusals
+from pa_ros.tools.client import ArenaClient, NoAnswerError, client_node, namespaces_of_arenas
+from pa_ros.tools.domain import DomainClaim
+from pa_ros.tools.graph import start_nodes
+from pa_ros.tools.launch_params import Parameters
+from pa_ros.tools.launcher import Supervisor
+from pa_ros.tools.scenes import SceneMonitor
+from pa_ros.tools.weights import AgentWeights
+
+log = logging.getLogger(__name__)
+
+NOTICE_S = 3.0
+POLL_S = 0.01
+
+
+class Connection:
+    """A node with ROS of its own, the thread that serves it, and what it needs of an arena."""
+
+    def __init__(self, namespace: str, patience: float, domain: int | DomainClaim | None) -> None:
+        """
+        :param patience: longest wait for an answer, s.
+        :param domain: the ROS domain; None: ROS_DOMAIN_ID, or 0. A claim ends with the connection.
+        """
+        self.patience = patience
+        self._children: Supervisor | None = None
+        with ExitStack() as stack:
+            if isinstance(domain, DomainClaim):
+                domain = stack.enter_context(domain).number
+            self.node = node = stack.enter_context(client_node("arm", namespace, domain))
+            self.domain, self.namespace = node.context.get_domain_id(), node.get_namespace()
+            self.monitor = SceneMonitor(node)
+            self.weights = AgentWeights(node, self.namespace.strip("/"), Refusals(log.warning))
+            self.services = ArenaClient(node, self.until)
+            self.goals: Any = ActionClient(node, EXECUTE_PROGRAM[1], EXECUTE_PROGRAM[0])
+            stack.callback(self.goals.destroy)
+            stop = threading.Event()
+            serve = partial(spin_until, node, stop.is_set, None)
+            thread = threading.Thread(target=serve, name="arm", daemon=True)
+            thread.start()
+            stack.callback(thread.join)
+            stack.callback(stop.set)
+            self._stack = stack.pop_all()
+        # Python must not end while the thread runs C++.
+        atexit.register(self.close)
+
+    def start(self, parameters: Parameters, record: Path | None, logs: Path | None) -> None:
+        """Start nodes in another process, which ends with the connection."""
+        enter = self._stack.enter_context
+        folder = logs or Path(enter(tempfile.TemporaryDirectory(prefix="pa_ros-")))
+        if record is not None:
+            from pa_ros.tools.record import Recorder
+
+            enter(Recorder(record, self.node))
+        self._children = enter(Supervisor(folder, {"ROS_DOMAIN_ID": str(self.domain)}))
+        start_nodes(self._children, parameters, folder, compose=True)
+
+    def join(self) -> None:
+        """Wait for an arena. Raises NoAnswerError or ConfigError, which say what to do."""
+        seen = lambda: self.monitor.scene is not None  # noqa: E731
+        before_notice_s = min(NOTICE_S, self.patience)
+        if self.until(seen, before_notice_s):
+            return
+        found = namespaces_of_arenas(self.node)
+        if found and self.namespace not in found:
+            raise ConfigError(
+                f"namespace: expected one with an arena ({', '.join(found)}), got {self.namespace}"
+            )
+        where = f"ROS domain {self.domain}, namespace {self.namespace}"
+        if not found and self.patience > before_notice_s and self._children is None:
+            text = f"no arena yet in {where}: waits for one, {self.patience:g} s at most"
+            print(text, file=sys.stderr, flush=True)
+        if self.until(seen, self.patience - before_notice_s):
+            return
+        if (arena := self.monitor.arena) is not None:
+            raise NoAnswerError(
+                f"arena {arena.arena_id} describes itself, but no observation of it arrived within "
+                f"{self.patience:g} s: is it inactive, or paused since its start?",
+                code="arm.silent_arena",
+            )
+        raise NoAnswerError(
+            f"no arena within {self.patience:g} s in {where}: start one (`pa_ros launch`, or "
+            "Arm.simulated()), or choose the domain (ROS_DOMAIN_ID) and namespace of yours",
+            code="arm.no_arena",
+        )
+
+    def until(self, condition: Callable[[], bool], timeout_s: float | None = None) -> bool:
+        """Wait for a condition, for `patience` unless given; whether it became true in time.
+
+        Raises ChildError if a process that was started here has ended.
+        """
+        deadline = time.monotonic() + (self.patience if timeout_s is None else timeout_s)
+        while not condition():
+            if self._children is not None:
+                self._children.check()
+            if time.monotonic() > deadline:
+                return False
+            time.sleep(POLL_S)
+        return True
+
+    def call(self, act: Callable[[], Any]) -> Any:
+        """The result of a function that runs in the node's thread.
+
+        rclpy's action client, for one, loses an answer that arrives while another thread is still
+        in `send_goal_async`.
+        """
+        task = self.node.executor.create_task(act)
+        if not self.until(task.done):
+            raise NoAnswerError(f"the node's thread did not answer within {self.patience:g} s")
+        return task.result()
+
+    def close(self) -> None:
+        """Leave the graph, and end what was started."""
+        atexit.unregister(self.close)
+        self._stack.close()

@@ -1,0 +1,147 @@
+"""`pa_ros.Arm`, the client of a graph: scenes, programs, feedback, cancelling, what errors say.
+
+The tests share one graph, which `Arm.simulated` starts.
+"""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from unittest.mock import Mock
+
+import pytest
+
+import pa_ros
+from helpers.processes import processes_of
+from helpers.waiting import wait_for
+from pa_ros import Arm
+from pa_ros.core.errors import PaError
+from pa_ros.language import ProgramError
+from pa_ros.tools.arm import Goal
+from pa_ros.tools.client import NoAnswerError
+from pa_ros.wire.program import GoalResult, ProgramGoal, encode_goal_result
+
+pytestmark = pytest.mark.graph
+REACHABLE = "NEAR(HAND, AND(RED, CUBE))"
+
+
+@pytest.fixture(scope="module")
+def arm(module_domain: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Arm]:
+    logs = tmp_path_factory.mktemp("arm")
+    with Arm.simulated(speed=5.0, domain=int(module_domain), logs=logs) as arm:
+        assert processes_of(logs)
+        yield arm
+    assert not processes_of(logs)
+
+
+def test_a_second_arm_joins_sees_the_table_and_executes(arm: Arm, capsys) -> None:
+    with Arm() as other:
+        print(other.scene())
+        result = other.execute(REACHABLE, timeout=30)
+    shown = capsys.readouterr().out
+    assert "blocks: RED CUBE, GREEN CUBE, RED SPHERE, GREEN CYLINDER\n" in shown
+    assert f"\n  {REACHABLE}\n" in shown
+    assert result.success and result.distance < 0.2 and 0 < result.reached_s < 30
+    wait_for(lambda: arm.scene().satisfied)
+    assert arm.scene().program == REACHABLE
+
+
+def test_feedback_is_an_iterator_and_cancelling_is_a_result(arm: Arm) -> None:
+    goal = arm.start("NEAR(HAND, AND(GREEN, CUBE))", timeout=0, hold=10_000)
+    progress = next(one for one in goal if one.relevance)
+    meant = dict(zip(progress.objects, progress.relevance, strict=True))
+    assert meant["GREEN CUBE"] > 0.8 and meant["RED SPHERE"] < 0.2 and not goal.done
+    arm.cancel()
+    result = goal.result()
+    assert (result.success, result.code) == (False, "goal.cancelled")
+    assert list(goal) == [] and goal.done
+
+
+def test_an_exception_while_it_waits_cancels_the_goal(arm: Arm) -> None:
+    def interrupt(_progress) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        arm.execute("NEAR(HAND, SPHERE)", timeout=0, hold=10_000, progress=interrupt)
+    assert arm.goal is not None and arm.goal.result().code == "goal.cancelled"
+
+
+def test_too_little_time_is_a_result(arm: Arm) -> None:
+    arm.execute(REACHABLE)
+    result = arm.execute("NEAR(HAND, AND(GREEN, CYLINDER))", timeout=1, hold=0.9)
+    assert not result.success and result.code == "goal.time_limit" and "(1 s)" in result.reason
+
+
+def test_a_wrong_program_is_an_error_with_its_place(arm: Arm) -> None:
+    assert arm.check(" NEAR( HAND,RED )") == "NEAR(HAND, RED)"
+    for ask in (arm.check, arm.execute, arm.start):
+        with pytest.raises(ProgramError, match=r"did you mean RED\?\n.*\n +\^~~"):
+            ask("NEAR(HAND, RAD)")
+    for ask in (arm.check, arm.execute):
+        with pytest.raises(PaError, match=r"no such object[^\n]*\n.*\n +\^~~") as caught:
+            ask("NEAR(HAND, BLUE)")
+        assert caught.value.code == "program.names_nothing"
+
+
+def test_phi_and_p_of_the_scene_are_explained(arm: Arm) -> None:
+    found = arm.explain("NEAR(HAND, AND(RED, CUBE))")
+    p = dict(zip(found.objects, found.p, strict=True))
+    assert p["RED CUBE"] > 0.8 and p["GREEN CUBE"] < 0.2
+    assert found.phi[found.words.index("RED"), found.objects.index("RED SPHERE")] > 0.8
+    header, *rows = str(found).splitlines()
+    assert header.split() == [*found.words, "p"] and rows[1].startswith("RED CUBE ")
+    assert len(arm.explain().p) == 0
+
+
+def test_a_scene_is_chosen_and_a_paused_arena_is_an_error_that_says_so(arm: Arm, monkeypatch):
+    assert arm.reset(7).episode == 7
+    assert arm.reset(0).blocks == ("RED CUBE", "GREEN CUBE", "RED SPHERE", "GREEN CYLINDER")
+    arm.pause()
+    monkeypatch.setattr(arm.graph, "patience", 2.0)
+    with pytest.raises(NoAnswerError, match="is it paused"):
+        arm.execute(REACHABLE)
+    arm.resume()
+    assert arm.execute(REACHABLE, timeout=50).success
+
+
+def test_without_an_arena_the_error_says_what_to_do() -> None:
+    with pytest.raises(NoAnswerError, match=r"no arena within 0\.2 s.*pa_ros launch"):
+        Arm("nowhere", patience=0.2)
+
+
+def test_without_an_agent_the_error_says_what_to_do(arm: Arm, monkeypatch) -> None:
+    monkeypatch.setattr(arm.graph, "patience", 0.2)
+    monkeypatch.setattr(arm.graph, "goals", Mock(server_is_ready=lambda: False))
+    with pytest.raises(NoAnswerError, match="no agent that takes goals: start one"):
+        arm.start(REACHABLE)
+
+
+def test_a_node_that_cannot_start_is_an_error_with_its_log() -> None:
+    with pytest.raises(PaError, match="ended by itself.*\n.*condition"):
+        Arm.simulated(condition="no such")
+
+
+@pytest.mark.parametrize("accepted", [False, True])
+def test_an_agent_that_takes_no_goals_is_an_error_that_says_what_to_do(accepted: bool) -> None:
+    """Rejected, or accepted and aborted without a word, as where it is cleaned up meanwhile."""
+    nothing = type(encode_goal_result(GoalResult(True)))()
+    ended = Mock(result=lambda: Mock(result=nothing))
+    handle = Mock(accepted=accepted, get_result_async=lambda: ended)
+    goals = Mock(send_goal_async=lambda *_, **__: Mock(result=lambda: handle))
+    graph = Mock(goals=goals, patience=1.0, call=lambda act: act())
+    with pytest.raises(PaError, match="ros2 lifecycle get") as caught:
+        Goal(graph, ProgramGoal(REACHABLE)).result()
+    assert caught.value.code == "goal.rejected"
+
+
+def test_an_arm_that_is_not_closed_ends_with_its_process(arm: Arm, tmp_path: Path) -> None:
+    code = "from pa_ros import Arm; print(Arm().scene().blocks[0])"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout, run.stderr) == (0, "RED CUBE\n", "")
+
+
+def test_without_ros_the_error_says_what_to_do(monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "rclpy", None)
+    with pytest.raises(ImportError, match=r"expected ROS 2 \(rclpy\)"):
+        pa_ros.__getattr__("Arm")
+    assert "Arm" in dir(pa_ros)
