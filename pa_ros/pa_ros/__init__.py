@@ -1,32 +1,49 @@
 """Programmable Agents (Denil et al. 2017): a robot arm that executes declarative programs.
 
+On a ROS 2 graph, with an arena and an agent in processes of their own or on a robot:
+
+    from pa_ros import Arm
+
+    with Arm.simulated() as arm:  # starts an arena and an agent; Arm() joins a running graph
+        print(arm.scene())  # the blocks, and programs that make sense
+        result = arm.execute("NEAR(HAND, AND(RED, CUBE))", timeout=10)
+        print(result.success, result.distance)
+
+In one process, without ROS:
+
     import pa_ros
 
-    arena = pa_ros.make_arena("3-D", seed=2)
-    agent = pa_ros.load_agent("shipped:3-D")
-    result = arena.execute(agent, "NEAR(HAND, AND(RED, CUBE))")
-    print(result.success, result.distance)
+    arena, agent = pa_ros.make_arena("3-D", seed=2), pa_ros.load("3-D")
+    print(arena.execute(agent, "NEAR(HAND, SPHERE)"))
+    agent.act(arena.observation, "NEAR(HAND, SPHERE)")  # joint velocities, rad/s
+    agent.explain(arena.observation, "NEAR(HAND, SPHERE)")  # what each word means to the agent
+    mine = pa_ros.train("2-L", out="runs/mine", frames=30_000)
+    pa_ros.evaluate(mine, ["NEAR(HAND, RED)", "NEAR(HAND, NOT(CUBE))"], episodes=20)
 
-This runs in one process, without ROS. The same arena is a Gymnasium environment
-(`pa_ros.arena.ReachEnv`) and a ROS 2 node; `pa_ros --help` lists the commands.
+The arena is a Gymnasium environment (`pa_ros.arena.ReachEnv`) and a ROS 2 node, too. docs/python.md
+has more; `pa_ros --help` lists the commands.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pa_ros.core.experience import Observation, Verdict
     from pa_ros.evaluation.agents import TrainedAgent
+    from pa_ros.evaluation.evaluate import ProgramRow
     from pa_ros.tools.arm import Arm
 
 # Functions import what they need, so that `import pa_ros` stays quick.
 
 __version__ = "0.2.0"
-__all__ = ["Arena", "Arm", "Result", "load_agent", "make_arena"]
+__all__ = ["Arena", "Arm", "Result", "evaluate", "load", "make_arena", "train"]
 
 HOLD_STEPS = 5
+ENDLESS = 2**31 - 1  # steps of an episode
 
 
 @dataclass(frozen=True)
@@ -52,33 +69,111 @@ def make_arena(design: str = "3-D", *, arm: str = "jaco", preset: str = "", seed
     return Arena(design, arm, preset, seed)
 
 
-def load_agent(checkpoint: str | Path = "shipped:3-D") -> TrainedAgent:
-    """A trained agent: a shipped one (shipped:2-L, shipped:3-D) or the folder of a training run.
+def load(agent: str | Path = "3-D") -> TrainedAgent:
+    """A trained agent: one that comes with the package (2-L, 3-D, push) or a training run's folder.
 
     Raises PaError (its subclass CheckpointError) if there is no usable checkpoint.
     """
-    from pa_ros.evaluation.agents import load_agent as load
+    from pa_ros.evaluation.agents import checkpoint_named, load_agent
 
-    return load(checkpoint)
+    return load_agent(checkpoint_named(agent))
+
+
+def train(
+    design: str = "2-L",
+    *,
+    out: str | Path,
+    frames: int = 30_000,
+    seed: int = 0,
+    arm: str = "jaco",
+    preset: str = "fast",
+    resume: bool = False,
+    **settings: Any,
+) -> TrainedAgent:
+    """Train an agent as `pa_ros train` does, and return it; `out` is a new folder for all results.
+
+    The same seed gives the same weights. `settings` are other ones by their dotted names, such as
+    `**{"learner.updates.discount": 0.9}`, `algorithm="td3"`, `protocol="paper"`. Raises ConfigError
+    for settings that cannot be, FolderTakenError if `out` contains a run and `resume` is false.
+    """
+    from pa_ros.arena import ArenaChoice
+    from pa_ros.evaluation.training import train_agent
+    from pa_ros.learning.config import TrainConfig
+    from pa_ros.learning.protocols import LearningSettings, usual_protocol
+
+    chosen = ArenaChoice(design=design, arm=arm, preset=preset)
+    blocks = chosen.design_of()
+    protocol = {"protocol": usual_protocol(blocks.vocabulary.moves_objects)}
+    learning = LearningSettings(**(protocol | settings))
+    config = TrainConfig(out=Path(out), seed=seed, frames=frames)
+    train_agent(chosen.arena_config(), blocks, learning, config, resume=resume)
+    return load(Path(out).resolve())
+
+
+def evaluate(
+    agent: TrainedAgent, programs: Sequence[str], episodes: int = 20, condition: str = "eval"
+) -> list[ProgramRow]:
+    """Success rate and reward per step of an agent for each program, in fresh scenes.
+
+    Scenes are drawn from a condition; those in which a program names nothing are passed over.
+    Raises ProgramError for a wrong program, ConfigError for one that names something too rarely.
+    """
+    from pa_ros.evaluation.evaluate import evaluate_programs
+
+    return evaluate_programs(
+        agent.arena,
+        agent.design,
+        agent.policy,
+        programs,
+        episodes,
+        condition=condition,
+        perception=agent.perception,
+    )
 
 
 class Arena:
     """A table with an arm and blocks, where agents execute programs.
 
     Programs run one after another in the same scene: each starts where the previous one ended.
-    `task` is the underlying `pa_ros.arena.ReachTask`.
+    `observation` and `verdict` are those of the current step; `task` is the underlying
+    `pa_ros.arena.ReachTask`.
     """
+
+    observation: Observation
+    verdict: Verdict
 
     def __init__(self, design: str, arm: str, preset: str, seed: int) -> None:
         from pa_ros.arena import ReachTask, design_named, preset_named
 
         blocks = design_named(design)
-        self.task = ReachTask(preset_named(preset or blocks.preset, arm), blocks, seed)
+        # A scene may last for many programs.
+        config = preset_named(preset or blocks.preset, arm).changed(episode_steps=ENDLESS)
+        self.task = ReachTask(config, blocks, seed)
         self.reset()
 
     def reset(self, scene: int = 0, condition: str = "train") -> None:
         """Start a scene, chosen by its number. The condition "eval" has held-out targets."""
-        self.task.reset(scene, condition)
+        self.observation, self.verdict = self.task.reset(scene, condition)
+
+    def begin(self, program: str) -> Observation:
+        """Set the program by which steps are judged from now on; the current observation.
+
+        Raises ProgramError for a wrong program or one that names no present object.
+        """
+        from pa_ros.language import parse
+
+        parsed = parse(program, self.task.world.vocabulary)
+        self.observation, self.verdict = self.task.set_program(parsed)
+        return self.observation
+
+    def step(self, velocity: Any) -> Observation:
+        """Move the arm for one control period, 0.1 s, with joint velocities [J] in rad/s.
+
+        Returns the observation that follows; `verdict` says how the program stands. Commands are
+        clamped to the arm's limits. Raises ArenaError unless they are J finite numbers.
+        """
+        self.observation, self.verdict = self.task.step(velocity)
+        return self.observation
 
     @property
     def objects(self) -> tuple[str, ...]:
@@ -92,16 +187,14 @@ class Arena:
         an agent of another arm or design.
         """
         from pa_ros.evaluation.agents import greedy
-        from pa_ros.language import parse
 
-        parsed = parse(program, self.task.world.vocabulary)
-        act = greedy(agent.snapshot, self.task.config, agent.logic)
-        observation, verdict = self.task.set_program(parsed)
-        steps = satisfied = 0
+        self.begin(program)
+        act = greedy(agent.snapshot, self.task.config, agent.logic)  # at this arm's speeds
+        parsed, steps, satisfied = self.task.program, 0, 0
         while steps < max_steps and satisfied < HOLD_STEPS:
-            # `advance` has no time limit, unlike `step`: a scene may last for many programs.
-            observation, verdict = self.task.advance(act(observation, parsed))
-            steps, satisfied = steps + 1, satisfied + 1 if verdict.satisfied else 0
+            self.step(act(self.observation, parsed))
+            steps, satisfied = steps + 1, satisfied + 1 if self.verdict.satisfied else 0
+        verdict = self.verdict
         if satisfied < HOLD_STEPS:
             reason = f"not satisfied for {HOLD_STEPS} steps within {max_steps}"
             return Result(str(parsed), False, verdict.distance, None, reason, "goal.time_limit")

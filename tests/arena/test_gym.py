@@ -1,7 +1,6 @@
 """The Gymnasium environment."""
 
 import copy
-from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -37,9 +36,9 @@ def test_gymnasiums_checker_accepts_it(options: dict[str, Any]) -> None:
 
 
 def test_a_flat_observation_contains_the_relation_if_there_are_several() -> None:
-    design = design_named("2-L")
-    several = replace(design, vocabulary=design.vocabulary.asking("NEAR", "ABOVE", "BEHIND"))
-    env, seen = ReachEnv(design=several), set()
+    env, seen = ReachEnv(relations=("NEAR", "ABOVE", "BEHIND")), set()
+    several = env.design
+    assert several.name == "2-L", "as on the command line"
     for _ in range(12):
         flat, info = env.reset()
         assert flat.shape == env.observation_space.shape

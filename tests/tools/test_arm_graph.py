@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from textwrap import indent
 from unittest.mock import Mock
 
 import pytest
@@ -32,6 +33,15 @@ def arm(module_domain: str, tmp_path_factory: pytest.TempPathFactory) -> Iterato
         assert processes_of(logs)
         yield arm
     assert not processes_of(logs)
+
+
+def test_the_example_of_the_readme_and_of_help_succeeds(arm: Arm, capsys) -> None:
+    readme = (Path(__file__).parents[2] / "README.md").read_text()
+    example = readme.partition("```python\n")[2].partition("```")[0]
+    assert indent(example, "    ") in (pa_ros.__doc__ or "")
+    # It joins the graph of these tests, as its comment says, instead of starting one.
+    exec(example.replace("Arm.simulated()", "Arm()", 1), {})
+    assert capsys.readouterr().out.splitlines()[-1].startswith("True 0.")
 
 
 def test_a_second_arm_joins_sees_the_table_and_executes(arm: Arm, capsys) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import gymnasium
@@ -41,19 +42,23 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
     def __init__(
         self,
         preset: str | ArenaConfig | None = None,
-        design: str | Design = "2-C",
+        design: str | Design = "2-L",
         condition: str = "train",
         render_mode: str | None = None,
         reward: Reward | str | None = None,
         arm: str | None = None,
         observation: Literal["flat", "structured"] = "flat",
         program_rows: int = PROGRAM_ROWS,
+        relations: Sequence[str] = (),
     ) -> None:
-        """`preset` is the design's by default, `arm` "jaco"; an ArenaConfig contains its own.
-        `program_rows` is the number of instructions in a structured observation."""
+        """`relations` are those of the programs; empty: the design's own. `preset` is the design's
+        by default, `arm` "jaco"; an ArenaConfig contains its own. `program_rows` is the number of
+        instructions in a structured observation."""
         if observation not in ("flat", "structured"):
             raise ConfigError(f"gym: observation: expected flat or structured, got {observation!r}")
         self.design = design if isinstance(design, Design) else design_named(design)
+        if relations:
+            self.design = self.design.with_relations(*relations)
         preset = preset or self.design.preset
         self.config = preset_named(preset, arm or "jaco") if isinstance(preset, str) else preset
         if arm not in (None, self.config.arm):

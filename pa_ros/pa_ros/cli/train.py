@@ -8,8 +8,6 @@ import shlex
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
-import numpy as np
-
 from pa_ros.arena import ArenaChoice, ArenaConfig, Design, training_programs
 from pa_ros.bags.run_log import RunLog
 from pa_ros.cli import from_bag
@@ -23,12 +21,11 @@ from pa_ros.cli.options import (
 from pa_ros.cli.training_view import TrainingView
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.signals import EXIT_INTERRUPTED, signals_noted
-from pa_ros.evaluation.evaluate import TrainingScores
+from pa_ros.evaluation.training import train_agent
 from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.folder import checkpoint_of
-from pa_ros.learning.loop import train
-from pa_ros.perception import VIEWS, calibrated, task_seen
+from pa_ros.perception import VIEWS, calibrated
 from pa_ros.world import reward_from
 
 TOLD = "told"
@@ -78,12 +75,7 @@ def run(options: argparse.Namespace) -> int:
     design, arena = chosen.design_of(), chosen.arena_config()
     learning = learning_from(options, design.vocabulary.moves_objects)
     config = settings_from(options, TrainConfig)
-    names = {"design": design.name, "preset": arena.preset, "arm": arena.arm}
-    if perception := _perception(options, arena, design, config.out):
-        names["perception"] = perception
-    config = settings_from(options, TrainConfig, environment=names)
-    reward = reward_from(chosen.reward)
-    task = task_seen(arena, design, config.seed, perception, reward)
+    perception = _perception(options, arena, design, config.out)
     programs, seed = training_programs(design), config.seed
     parameters = {**learning.flat(), "frames": config.frames, "resume": options.resume}
     recorded: AbstractContextManager[RunLog | None] = nullcontext()
@@ -94,18 +86,17 @@ def run(options: argparse.Namespace) -> int:
         recorded as run_log,
         TrainingView(config.frames) as view,
     ):
-        learner = train(
+        learner = train_agent(
+            arena,
+            design,
+            learning,
             config,
-            learning.network.for_world(task.world),
-            learning.learner,
-            task,
-            np.array(arena.joint_speed_limits),
-            programs,
-            TrainingScores(arena, design, config.evaluation_episodes, perception),
-            options.resume,
-            run_log,
-            view,
-            lambda: interrupted() or view.unread,
+            reward_from(chosen.reward),
+            perception=perception,
+            resume=options.resume,
+            run_log=run_log,
+            watcher=view,
+            stopped=lambda: interrupted() or view.unread,
         )
     if learner.counters.frames < config.frames:
         print(f"stopped after {learner.counters.frames:,} frames, saved: --resume continues")

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pa_ros.acting.actor import Actor
+from pa_ros.acting.insight import Explanation, Insight
 from pa_ros.arena import ArenaConfig, Design, design_named, preset_named
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import PolicySnapshot
+from pa_ros.core.experience import Float64, Observation, PolicySnapshot
 from pa_ros.evaluation.evaluate import AgentPolicy, policy_of
-from pa_ros.language import MIN_MAX, Logic
+from pa_ros.language import MIN_MAX, Logic, Program, parse
 from pa_ros.learning.checkpoint_files import SHIPPED_PREFIX
 from pa_ros.learning.checkpoints import load_policy, read_metadata
 from pa_ros.learning.folder import checkpoint_of
@@ -33,6 +35,29 @@ class TrainedAgent:
     arena: ArenaConfig
     logic: Logic = MIN_MAX
     perception: str = ""  # calibration of the camera it sees with; empty: properties are told
+
+    def act(self, observation: Observation, program: str | Program) -> Float64:
+        """Joint velocities [J], rad/s, that pursue a program from an observation of an arena.
+
+        Raises ProgramError for a wrong text, ActingError for the observation of another arm or
+        design.
+        """
+        return self._acting(observation, self._parsed(program))
+
+    def explain(self, observation: Observation, program: str | Program = "") -> Explanation:
+        """Φ and p of the objects: what each word and the program mean to the agent here.
+
+        Raises ConfigError if the networks evaluate no programs.
+        """
+        parsed = self._parsed(program) if program else None
+        return Insight(self.snapshot, self.logic).explain(observation, parsed)
+
+    @cached_property
+    def _acting(self) -> AgentPolicy:
+        return self.policy
+
+    def _parsed(self, program: str | Program) -> Program:
+        return parse(program, self.design.vocabulary) if isinstance(program, str) else program
 
     @property
     def policy(self) -> AgentPolicy:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import groupby
 from typing import Annotated, Protocol
 
@@ -19,6 +19,7 @@ from pa_ros.arena import (
     random_policy,
     scripted_action,
 )
+from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64, Observation
 from pa_ros.core.settings import OneOf
 from pa_ros.evaluation.scores import (
@@ -29,7 +30,7 @@ from pa_ros.evaluation.scores import (
     normalized_interval,
     rewards,
 )
-from pa_ros.language import LOGICS, MIN_MAX, Program
+from pa_ros.language import LOGICS, MIN_MAX, Program, ProgramError, parse
 from pa_ros.perception import task_seen
 from pa_ros.world.world import World
 
@@ -39,6 +40,7 @@ AgentPolicy = Callable[[Observation, Program], Float64]
 EPISODES_SEED = 2_000_003
 TRAINING_SCORES_SEED = 1_000_003
 REFERENCES = ("scripted", "random")
+SCENES_SEARCHED = 1000
 
 
 class EvaluationConfig(ArenaChoice):
@@ -83,14 +85,22 @@ def run_episodes(
 ) -> Iterator[EpisodeScore]:
     """Run episodes 0 … episodes − 1 of a condition and score each."""
     for index in range(episodes):
-        # The verdict of the reset is left out: it rewards no action of the policy.
-        observation, verdict = task.reset(index, condition)
-        total, steps, ever = 0.0, 0, False
-        while not verdict.truncated:
-            observation, verdict = task.step(act(observation))
-            total, steps, ever = total + verdict.reward, steps + 1, ever or verdict.satisfied
-        program, end = str(task.program), (verdict.satisfied, verdict.distance)
-        yield EpisodeScore(index, program, total / steps, *end, ever)
+        observation, _ = task.reset(index, condition)
+        yield _run_episode(task, act, observation)
+
+
+def _run_episode(
+    task: ReachTask, act: Callable[[Observation], Float64], observation: Observation
+) -> EpisodeScore:
+    """Run the task's episode, of which this is the current observation, to its end."""
+    # The verdict of the reset is left out: it rewards no action of the policy.
+    total, steps, ever, truncated = 0.0, 0, False, False
+    while not truncated:
+        observation, verdict = task.step(act(observation))
+        total, steps, ever = total + verdict.reward, steps + 1, ever or verdict.satisfied
+        truncated = verdict.truncated
+    program, end = str(task.program), (verdict.satisfied, verdict.distance)
+    return EpisodeScore(task.episode.index, program, total / steps, *end, ever)
 
 
 def reference_policy(task: ReachTask, name: str) -> Callable[[Observation], Float64]:
@@ -149,11 +159,56 @@ def by_program(evaluation: Evaluation) -> list[ProgramRow]:
     ordered = sorted(evaluation.scores, key=lambda score: score.program)
     rows = []
     for program, group in groupby(ordered, key=lambda score: score.program):
-        members = list(group)
-        reward = float(np.mean([score.reward_per_step for score in members]))
-        success = float(np.mean([score.success for score in members]))
-        rows.append(ProgramRow(program, len(members), reward, success))
+        rows.append(_row(program, list(group)))
     return rows
+
+
+def _row(program: str, scores: Sequence[EpisodeScore]) -> ProgramRow:
+    reward = float(np.mean([score.reward_per_step for score in scores]))
+    success = float(np.mean([score.success for score in scores]))
+    return ProgramRow(program, len(scores), reward, success)
+
+
+def evaluate_programs(
+    config: ArenaConfig,
+    design: Design,
+    policy: AgentPolicy,
+    programs: Sequence[str],
+    episodes: int,
+    seed: int = EPISODES_SEED,
+    condition: str = "eval",
+    perception: str = "",
+) -> list[ProgramRow]:
+    """Mean scores of each program, over `episodes` scenes of a condition in which it can hold and
+    does not yet. `perception` is that of `evaluate`.
+
+    Raises ProgramError for a wrong program, ConfigError for one that has too few such scenes.
+    """
+    task, rows = task_seen(config, design, seed, perception), []
+    for program in (parse(text, design.vocabulary) for text in programs):
+        scores: list[EpisodeScore] = []
+        for index in range(SCENES_SEARCHED):
+            if len(scores) == episodes:
+                break
+            task.reset(index, condition)
+            try:
+                observation, verdict = task.set_program(program)
+            except ProgramError:  # it names nothing here
+                continue
+            if not verdict.satisfied:
+                scores.append(_run_episode(task, partial(_asked, policy, program), observation))
+        if len(scores) < episodes:
+            raise ConfigError(
+                f"evaluate: expected {episodes} scenes in which {program} can hold, found "
+                f"{len(scores)} among {SCENES_SEARCHED} of condition {condition}: choose another "
+                "condition or design"
+            )
+        rows.append(_row(str(program), scores))
+    return rows
+
+
+def _asked(policy: AgentPolicy, program: Program, observation: Observation) -> Float64:
+    return policy(observation, program)
 
 
 class Acts(Protocol):

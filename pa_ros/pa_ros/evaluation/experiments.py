@@ -14,17 +14,14 @@ import numpy as np
 
 from pa_ros.arena import (
     Design,
-    ReachTask,
     design_named,
     preset_named,
     scoring_of,
-    training_programs,
     world_of,
 )
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device, versions
 from pa_ros.evaluation.agents import load_agent
-from pa_ros.evaluation.evaluate import TrainingScores
 from pa_ros.evaluation.scorer import Benchmark, Scorer
 from pa_ros.evaluation.scores import normalized, rewards
 from pa_ros.evaluation.tables import (
@@ -33,6 +30,7 @@ from pa_ros.evaluation.tables import (
     write_rows,
     write_setting,
 )
+from pa_ros.evaluation.training import train_agent
 from pa_ros.language import PRODUCT
 from pa_ros.learning.checkpoint_files import make_latest, newest_whole
 from pa_ros.learning.checkpoints import check_trained_with, read_metadata
@@ -40,7 +38,6 @@ from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
 from pa_ros.learning.interfaces import Evaluate
-from pa_ros.learning.loop import train
 from pa_ros.learning.protocols import PUSH, LearningSettings, usual_protocol
 from pa_ros.world.relation import SIDES
 
@@ -253,23 +250,20 @@ def _train_until(
     scores: Evaluate | None,
 ) -> None:
     arena = preset_named(experiment.preset, experiment.arm)
-    design, settings = experiment.task, experiment.settings
-    train(
+    train_agent(
+        arena,
+        experiment.task,
+        experiment.settings,
         TrainConfig(
             out=folder,
             seed=seed,
             frames=frames,
-            environment={"design": design.name, "preset": arena.preset, "arm": arena.arm},
             condition=condition,
             evaluate_every_frames=experiment.evaluate_every_frames,
+            evaluation_episodes=experiment.evaluation_episodes,
             checkpoint_every_frames=experiment.checkpoint_every_frames,
         ),
-        settings.network.for_world(world_of(arena, design)),
-        settings.learner,
-        ReachTask(arena, design, seed),
-        np.array(arena.joint_speed_limits),
-        training_programs(design),
-        scores or TrainingScores(arena, design, experiment.evaluation_episodes),
+        scores=scores,
         resume=holds_checkpoint(folder),
     )
 

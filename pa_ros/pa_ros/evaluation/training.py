@@ -1,0 +1,55 @@
+"""Train an agent in an arena: the training loop with all that it needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pa_ros.arena import ArenaConfig, Design, training_programs
+from pa_ros.evaluation.evaluate import TrainingScores
+from pa_ros.learning.config import TrainConfig
+from pa_ros.learning.interfaces import Evaluate, Log, Watcher
+from pa_ros.learning.learner import Learner
+from pa_ros.learning.loop import train
+from pa_ros.learning.protocols import LearningSettings
+from pa_ros.perception import task_seen
+from pa_ros.world import Reward
+
+
+def train_agent(
+    arena: ArenaConfig,
+    design: Design,
+    learning: LearningSettings,
+    config: TrainConfig,
+    reward: Reward | None = None,
+    scores: Evaluate | None = None,
+    perception: str = "",
+    resume: bool = False,
+    run_log: Log | None = None,
+    watcher: Watcher | None = None,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Learner:
+    """Train in one process; see `pa_ros.learning.loop.train` for what is left and raised.
+
+    :param reward: None: the paper's ±1.
+    :param scores: None: greedy scores on training and held-out programs.
+    :param perception: calibration of a camera; empty: properties are told.
+    """
+    task = task_seen(arena, design, config.seed, perception, reward)
+    names = {"design": design.name, "preset": arena.preset, "arm": arena.arm}
+    if perception:
+        names["perception"] = perception
+    return train(
+        config.changed(environment=names),
+        learning.network.for_world(task.world),
+        learning.learner,
+        task,
+        np.array(arena.joint_speed_limits),
+        training_programs(design),
+        scores or TrainingScores(arena, design, config.evaluation_episodes, perception),
+        resume,
+        run_log,
+        watcher,
+        stopped,
+    )
