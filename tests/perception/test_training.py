@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from pa_ros.cli import main as cli
+from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.agents import load_agent
 from pa_ros.networks.config import actor_config
 from pa_ros.perception.calibration import Calibration
@@ -33,11 +34,13 @@ def test_an_agent_trained_from_pictures_keeps_its_camera(
     ]
     settings = ["--learner.replay.warmup_frames", "200", "--network.hidden", "16"]
     assert cli.main([*run, *settings, "--frames", "300"]) == 0
-    agent = load_agent(tmp_path)
+    agent = load_agent(tmp_path, with_camera=True)
     world = actor_config(agent.snapshot.architecture).world
     assert agent.perception and not world.schema.tells_words
     assert cli.main([*run, *settings, "--frames", "400", "--resume"]) == 0
-    assert load_agent(tmp_path).perception == agent.perception
+    assert load_agent(tmp_path, with_camera=True).perception == agent.perception
+    with pytest.raises(ConfigError, match="expected one that is told what blocks are, got one"):
+        load_agent(tmp_path)
     scored = ["eval", "--checkpoint", str(tmp_path), "--condition", "blocks-3", "--episodes", "1"]
     assert cli.main(scored) == 0
     assert "1 episodes" in capsys.readouterr().out

@@ -65,7 +65,8 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError("eval --relations: expected --policy with it: a checkpoint has its own")
     if options.checkpoint:
         logic = logic_named(options.logic)
-        agent = load_agent(options.checkpoint, options.design, options.preset, options.arm, logic)
+        given = options.design, options.preset, options.arm, logic
+        agent = load_agent(options.checkpoint, *given, with_camera=True)
         if options.condition == ALL:
             return _all_conditions(agent, options)
         agent, drawn_from = acting_under(options.condition, agent, options.seed)

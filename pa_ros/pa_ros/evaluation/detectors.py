@@ -59,10 +59,6 @@ class DetectorView:
         network = actor_config(agent.snapshot.architecture)
         if not family_of(network).evaluates_programs:
             raise ConfigError("detectors: expected a programmable agent, got a canonical one")
-        if agent.perception:
-            raise ConfigError(
-                "detectors: expected an agent that is told properties, got a camera's"
-            )
         self._agent = agent
         self._world, self._vocabulary = network.world, network.vocabulary
         self._inference = TorchActor(network, agent.snapshot.tensors, agent.logic)
