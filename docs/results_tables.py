@@ -109,8 +109,10 @@ UNDONE = {  # tags of variants of push-2
     "no-hindsight": "places moved afterwards",
     "no-moved": "half of each batch where a block moved",
     "no-cross": "places where another block went",
+    "no-either": "programs with an OR of two",
     "no-held": "random actions that are held",
     "no-upper": "a layer above h",
+    "no-halving": "rates that halve",
     "detector-gain-1": "faster detectors",
 }
 NOTHING = "–"  # not measured

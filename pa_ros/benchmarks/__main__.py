@@ -24,6 +24,7 @@ BENCHMARKS = {
     "latency": "time from a program, and from an observation, to the command",
     "learner": "updates per second, beside other implementations and a lower bound",
     "peers": "agents of other libraries on the same task",
+    "roles": "updates where programs move objects, beside updates without roles",
     "train": "updates per second while learning, as a share of updates alone",
 }
 

@@ -63,13 +63,15 @@ SB3_STEPS = 1000  # of random actions, to fill its replay buffer
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the benchmark's options."""
     parser.add_argument("--network", default="programmable", help="networks' kind (%(default)s)")
+    parser.add_argument("--batch", type=int, default=64, help="transitions (%(default)s)")
 
 
 def run(options: argparse.Namespace) -> Report:
     """Everything, on design 2-L with one program per transition."""
     network, config = setting(options.network)
     config = config.changed(**{"relabeling.programs_per_transition": 1})
-    return bench_learner(network, config, others=stable_baselines())
+    sizes = Sizes(options.batch)
+    return bench_learner(network, config, stable_baselines(sizes.transitions), sizes)
 
 
 def setting(kind: str) -> tuple[NetworkConfig, LearnerConfig]:
@@ -138,10 +140,10 @@ def bare_updates(network: NetworkConfig, config: LearnerConfig) -> Contender:
     """Updates alone, timed by the clock, of the configuration's batch on scenes of four blocks."""
     sizes = Sizes(config.replay.batch_size, 5, config.relabeling.programs_per_transition)
     idle = random_learner(network, config, sizes)
-    return Contender("bare", _repeated(engine_of(idle).update, list(idle.batches(16))), wall=True)
+    return Contender("bare", repeated(engine_of(idle).update, list(idle.batches(16))), wall=True)
 
 
-def stable_baselines() -> list[Contender]:
+def stable_baselines(batch: int = Sizes().transitions) -> list[Contender]:
     """`train()` of Stable-Baselines3's DDPG on the same frames and batch, if it is installed."""
     try:
         from stable_baselines3 import DDPG
@@ -149,7 +151,6 @@ def stable_baselines() -> list[Contender]:
         print(f"Stable-Baselines3 is left out: {error} (make install-bench)", file=sys.stderr)
         return []
     print(f"stable-baselines3 {version('stable-baselines3')}")
-    batch = Sizes().transitions
     model = DDPG(
         "MlpPolicy",
         gymnasium.make(ENV_ID, design=DESIGN),
@@ -173,7 +174,7 @@ def _engines(learner: Learner, batches: Sequence[Batch]) -> list[Contender]:
     if family_of(learner.network).evaluates_programs:
         updates[STRAIGHTFORWARD] = _straightforward(learner).update
     return [
-        Contender(name, _repeated(update, batches), 1 + (name == TWO_THREADS), name == TWO_THREADS)
+        Contender(name, repeated(update, batches), 1 + (name == TWO_THREADS), name == TWO_THREADS)
         for name, update in updates.items()
     ]
 
@@ -185,8 +186,8 @@ def engine_of(learner: Learner, **changes: object) -> Engine:
     return algorithm.make_engine(learner.network, config, learner.table, np.random.default_rng(0))
 
 
-def _repeated(update: Update, batches: Sequence[Batch]) -> Callable[[int], None]:
-    """Updates with these batches in turn."""
+def repeated(update: Update, batches: Sequence[Batch]) -> Callable[[int], None]:
+    """A function that makes so many updates, with these batches in turn."""
     endless = cycle(batches)
 
     def run(calls: int) -> None:

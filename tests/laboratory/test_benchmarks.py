@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import peers
+from benchmarks import peers, roles
 from benchmarks.latency import Latencies
 from benchmarks.peers import OURS, PeerScore, run_contender
 from pa_ros.core.errors import ConfigError
@@ -42,6 +42,16 @@ def test_latencies_are_reported_as_percentiles_in_milliseconds():
 
 def score(name: str, frames: float, seconds: float, train: float) -> PeerScore:
     return PeerScore(name, "a-library 1.2", 0, frames, seconds, train, train, train / 2, train / 2)
+
+
+def test_updates_with_roles_are_beside_the_same_without(monkeypatch) -> None:
+    monkeypatch.setattr(roles, "EPISODES", 1)
+    monkeypatch.setattr(roles, "DRAWN", 2)
+    report = roles.run(argparse.Namespace(batch=8, rounds=1))
+    figures = {name: float(value) for name, value in report.items() if "instructions" not in name}
+    assert figures["roles.objects"] == 7
+    assert figures["roles.ratio"] == figures[roles.WITHOUT] / figures[roles.WITH]
+    assert figures["roles.draw_share"] > 0.0
 
 
 def test_our_scores_do_not_count_the_time_that_scoring_takes(tmp_path: Path) -> None:

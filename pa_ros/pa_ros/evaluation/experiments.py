@@ -160,8 +160,10 @@ ABLATIONS: Mapping[str, Mapping[str, Any]] = {
     "no-hindsight": {"learner.hindsight.future": 0.0},
     "no-moved": {"learner.hindsight.moved": 0.0},
     "no-cross": {"learner.hindsight.cross": 0.0},
+    "no-either": {"learner.hindsight.either": 0.0},
     "no-held": {"learner.exploration.held": 0.0},
     "no-upper": {"network.upper_layers": 0},
+    "no-halving": {"learner.optimizer.half_life": 0.0},
     "detector-gain-1": {"learner.detectors.gain": 1.0},
 }
 """Tags of experiments that move objects, and what each of them changes."""
