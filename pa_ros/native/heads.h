@@ -137,9 +137,10 @@ inline void critic_head_backward(const Net& net, Work& w, const float* action, i
     });
 }
 
-// ∂Q/∂a of the rows that critic_head left in w.z, clipped to ±clip and scaled, into w.daction.
+// ∂Q/∂a of the rows that critic_head left in w.z, clipped to ±clip, less `penalty` times the action,
+// and scaled, into w.daction.
 inline void action_gradient(const Net& net, Work& w, int64_t rows, const float* upper_t, float clip,
-                            float scale) {
+                            float penalty, float scale) {
     const int64_t h = net.l.hidden;
     const bool upper = net.shape->upper > 0;
     const float *layer = net.p + net.l.action, *output = net.p + net.l.output;
@@ -164,7 +165,8 @@ inline void action_gradient(const Net& net, Work& w, int64_t rows, const float* 
             sum_lanes(dot, actions, sum);
             for (int o = 0; o < kActionColumns; o += W)
                 store(w.daction + r * kActionColumns + o,
-                      scale * at_least(at_most(load(sum + o), clip), -clip));
+                      scale * (at_least(at_most(load(sum + o), clip), -clip) -
+                               penalty * load(w.action + r * kActionColumns + o)));
         }
     });
 }

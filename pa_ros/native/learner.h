@@ -135,7 +135,8 @@ inline void actor_step(const Learner& g, Thread& x, const Batch& b, int64_t from
     w.upper = w.other_upper;
     critic_head(critic, w, x.critic_h + base * h, w.action, kActionColumns, 1, rows);
     const float scale = -1.0f / ((float)b.transitions * b.programs);
-    action_gradient(critic, w, rows, x.critic_upper_t, (float)g.settings.clip, scale);
+    const float clip = (float)g.settings.clip, penalty = (float)g.settings.action_penalty;
+    action_gradient(critic, w, rows, x.critic_upper_t, clip, penalty, scale);
     w.z = actor_z, w.upper = actor_upper;
     actor_head_backward(actor, w, rows, x.actor_upper_t, x.actor_gradient);
     backward(actor, w, b.program + base, count, x.actor_second_t, x.actor_gradient);

@@ -219,7 +219,7 @@ class StraightforwardEngine:
         given = action.detach().requires_grad_()
         (slope,) = torch.autograd.grad(critic(network, nets["critic"], now, given).sum(), given)
         clip = self._config.gradient_clip
-        ascent = slope.clamp(-clip, clip)
+        ascent = slope.clamp(-clip, clip) - self._config.action_penalty * given.detach()
         self.loss = float(loss.detach())
         gradients = {
             "critic": _gradients(loss, nets["critic"], None),

@@ -82,6 +82,7 @@ def setting(
             tensors["detectors.weight"] *= scale
     config = dpg(
         optimizer__half_life=4.0,
+        action_penalty=0.02,
         detectors__gain=3.0,
         detectors__sparsity=0.4,
         detectors__free_from=0.2,

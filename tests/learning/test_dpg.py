@@ -24,6 +24,7 @@ CONFIG = dpg(
     optimizer__critic_rate=2e-3,
     optimizer__half_life=2.0,
     gradient_clip=CLIP,
+    action_penalty=0.01,
     detectors__gain=GAIN,
     detectors__sparsity=SPARSITY,
     detectors__free_from=0.1,

@@ -37,6 +37,7 @@ def engine(make: Callable[..., _fused.Network] = trunk, threads: int = 1) -> _fu
         "beta2": 0.999,
         "epsilon": 1e-8,
         "clip": 1.0,
+        "action_penalty": 0.0,
         "detector_gain": 1.0,
     }
     settings |= {"sparsity": 0.0, "free_from": 1.0}

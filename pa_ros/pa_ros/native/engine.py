@@ -80,6 +80,7 @@ class FusedEngine:
             beta2=config.optimizer.beta2,
             epsilon=config.optimizer.epsilon,
             clip=config.gradient_clip,
+            action_penalty=config.action_penalty,
             detector_gain=config.detectors.gain,
             sparsity=config.detectors.sparsity,
             free_from=config.detectors.free_from,

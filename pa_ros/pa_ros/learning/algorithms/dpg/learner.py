@@ -25,7 +25,7 @@ class TorchDPG(TorchEngine):
         critic: Tensors,
     ) -> None:
         super().__init__(network, config, table, {"actor": actor, "critic": critic})
-        self._clip = config.gradient_clip
+        self._clip, self._penalty = config.gradient_clip, config.action_penalty
 
     def step(self, x: Inputs) -> tuple[Tensor, Tensor]:
         """Update both networks, both gradients at the parameters before it."""
@@ -53,6 +53,7 @@ class TorchDPG(TorchEngine):
             return bootstrapped
 
     def _ascent(self, q: Tensor, action: Tensor) -> Tensor:
-        """∂/∂a of the actor's objective: ∂Q/∂a clipped, [B, K, J]."""
+        """∂/∂a of the actor's objective: ∂Q/∂a clipped, less the penalty's, [B, K, J]."""
         (gradient,) = torch.autograd.grad(q.sum(), action)
-        return gradient.clamp(-self._clip, self._clip)
+        clipped = gradient.clamp(-self._clip, self._clip)
+        return clipped - self._penalty * action.detach() if self._penalty else clipped
