@@ -4,38 +4,77 @@
 
 namespace pa::PA_LEVEL {
 
-inline constexpr float kLittle = 1e-4f;  // added to the sum of degrees before they are divided by it
+inline constexpr float kLittle = 1e-6f;  // added to the sum of the pairs' weights
 
-// The shares of both sets of a program that has run: w.relevant, whose sum is w.mass, and w.senders.
+// p1 and p2 of a program that has run, in w.moved and w.senders.
 inline void assign_roles(const Net& net, Work& w, int64_t s, int64_t sk, int64_t program) {
     const int words = net.shape->words;
     for (int role = 0; role < 2; role++) {
         const int set = w.roles[2 * program + role];
         const float* degree = register_at(w, words, s, sk, set);
-        float* share = (role ? w.senders : w.relevant) + sk * w.lanes;
-        float total = 0.0f, mass = 0.0f;
+        float* out = (role ? w.senders : w.moved) + sk * w.lanes;
         for (int i = 0; i < w.lanes; i++) {
             const bool there = i < w.objects && (i != w.hand_index || set == words);
-            share[i] = there ? degree[i] : 0.0f;
-            total += share[i];
+            out[i] = there ? degree[i] : 0.0f;
         }
-        const float inverse = w.inverse[2 * sk + role] = 1.0f / (total + kLittle);
-        for (int i = 0; i < w.lanes; i++) mass += share[i] *= inverse;
-        if (!role) w.mass[sk] = mass;
     }
 }
 
-// From ∂/∂ both shares (w.drole) to the gradients of their registers, which it adds.
-inline void roles_backward(const Net& net, Work& w, int64_t sk, int64_t program) {
+// Weights of pairs, p1_i p2_j exp α̃_ij as shares of their sum; what each i receives in all in
+// w.relevant, and in w.mass the sum of that. w.share has the weights without p1 and p2.
+inline void weigh_pairs(Work& w, int64_t s, int64_t sk) {
+    const int n = w.objects;
+    const float *e = w.attend + s * n * w.lanes, *senders = w.senders + sk * w.lanes;
+    const float* moved = w.moved + sk * w.lanes;
+    float *share = w.share + sk * n * w.lanes, *weight = w.weight + sk * n * w.lanes;
+    float* received = w.relevant + sk * w.lanes;
+    float total = kLittle, mass = 0.0f;
+    for (int j = 0; j < n; j++)
+        for (int i = 0; i < n; i++) total += moved[i] * senders[j] * e[j * w.lanes + i];
+    const float inverse = 1.0f / total;
+    for (int o = 0; o < w.lanes; o += W) {
+        const vf receiver = load(moved + o);
+        const vf there = load(w.mask + o) > 0.0f ? vf{} + inverse : vf{};
+        vf sum{};
+        for (int j = 0; j < n; j++) {
+            const vf part = load(e + j * w.lanes + o) * there, pair = senders[j] * part * receiver;
+            store(share + j * w.lanes + o, part);
+            store(weight + j * w.lanes + o, pair);
+            sum += pair;
+        }
+        store(received + o, sum);
+    }
+    for (int i = 0; i < n; i++) mass += received[i];
+    w.mass[sk] = mass;
+}
+
+// Of one program, from the sums of `pool_backward`: adds ∂/∂α̃ to w.dscore, and ∂/∂ p1 and p2 to the
+// gradients of their registers.
+inline void pairs_backward(const Net& net, Work& w, int64_t k, int64_t sk, int64_t program) {
+    const int n = w.objects;
+    const float *sums = w.sums + k * w.dots_per_program(), *share = w.share + sk * n * w.lanes;
+    const float *moved = w.moved + sk * w.lanes, *senders = w.senders + sk * w.lanes;
+    const float* weight = w.weight + sk * n * w.lanes;
+    float *dmoved = w.drole, *dsenders = w.drole + w.lanes, mean = 0.0f;
+    const auto slope = [&](int i, int j) {  // of the weight of a pair: its message, i's f, biases
+        return sums[j * n + i] + sums[n * n + i] + sums[n * n + n];
+    };
+    for (int j = 0; j < n; j++)
+        for (int i = 0; i < n; i++) mean += weight[j * w.lanes + i] * slope(i, j);
+    for (int i = 0; i < w.lanes; i++) dmoved[i] = dsenders[i] = 0.0f;
+    for (int j = 0; j < n; j++)
+        for (int i = 0; i < n; i++) {
+            const float d = share[j * w.lanes + i] * (slope(i, j) - mean);
+            dmoved[i] += senders[j] * d;
+            dsenders[j] += moved[i] * d;
+            w.dscore[j * w.lanes + i] += moved[i] * senders[j] * d;
+        }
     for (int role = 0; role < 2; role++) {
         const int set = w.roles[2 * program + role];
         if (set == net.shape->words) continue;  // HAND
-        const float* share = (role ? w.senders : w.relevant) + sk * w.lanes;
-        const float* d = w.drole + role * w.lanes;
-        float *out = w.dregister + (int64_t)set * w.lanes, mean = 0.0f;
-        for (int i = 0; i < w.objects; i++) mean += d[i] * share[i];
-        for (int i = 0; i < w.objects; i++)
-            if (i != w.hand_index) out[i] += w.inverse[2 * sk + role] * (d[i] - mean);
+        float* out = w.dregister + (int64_t)set * w.lanes;
+        for (int i = 0; i < n; i++)
+            if (i != w.hand_index) out[i] += w.drole[role * w.lanes + i];
     }
 }
 

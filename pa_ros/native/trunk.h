@@ -61,13 +61,17 @@ inline void attend(const Net& net, Work& w, int64_t s) {
             w.dots[j * n + i] = sum;
         }
     sum_lanes(w.dots, (int64_t)n * n, w.sums);
-    float* out = w.attend + s * n * w.lanes;
+    float *out = w.attend + s * n * w.lanes, all = w.sums[0];
+    for (int k = 1; k < n * n; k++) all = w.sums[k] > all ? w.sums[k] : all;
     for (int o = 0; o < w.lanes; o += W) {
         vf most = loadu(w.sums + o);
         for (int j = 1; j < n; j++) {
             const vf x = loadu(w.sums + j * n + o);
             most = x > most ? x : most;
         }
+        // The weights of pairs with roles sum to one over all receivers. Lanes without an object may
+        // hold anything, so these are not compared with the largest score of all.
+        if (net.shape->roles) most = load(w.mask + o) > 0.0f ? vf{} + all : most;
         for (int j = 0; j < n; j++)
             store(out + j * w.lanes + o, exponential(loadu(w.sums + j * n + o) - most));
     }
@@ -79,18 +83,17 @@ inline void attend(const Net& net, Work& w, int64_t s) {
 inline void weigh(Work& w, int64_t s, int64_t sk) {
     const int n = w.objects;
     const float *p = w.relevant + sk * w.lanes, *e = w.attend + s * n * w.lanes;
-    const float* senders = w.senders + sk * w.lanes;
     float *share = w.share + sk * n * w.lanes, *weight = w.weight + sk * n * w.lanes;
     for (int o = 0; o < w.lanes; o += W) {
         vf total{};
-        for (int j = 0; j < n; j++) total += senders[j] * load(e + j * w.lanes + o);
+        for (int j = 0; j < n; j++) total += p[j] * load(e + j * w.lanes + o);
         total = total > kNothing ? total : vf{} + kNothing;
         const vf inverse = load(w.mask + o) > 0.0f ? 1.0f / total : vf{};
         const vf receiver = load(p + o);
         for (int j = 0; j < n; j++) {
             const vf part = load(e + j * w.lanes + o) * inverse;
             store(share + j * w.lanes + o, part);
-            store(weight + j * w.lanes + o, senders[j] * part * receiver);
+            store(weight + j * w.lanes + o, p[j] * part * receiver);
         }
     }
 }
@@ -153,8 +156,12 @@ inline void forward_block(const Net& net, Work& w, const int32_t* programs, int6
         attend(net, w, s);
         for (int64_t sk = s * w.programs; sk < (s + 1) * w.programs; sk++) {
             run_program(net, w, s, sk, programs[sk]);
-            if (net.shape->roles) assign_roles(net, w, s, sk, programs[sk]);
-            weigh(w, s, sk);
+            if (net.shape->roles) {
+                assign_roles(net, w, s, sk, programs[sk]);
+                weigh_pairs(w, s, sk);
+            } else {
+                weigh(w, s, sk);
+            }
         }
         if (net.shape->relations) pool_relations(net, w, programs, s);
         else pool_sample(net, w, s);

@@ -55,35 +55,30 @@ void pool_backward(const Net& net, Work& w, int64_t s) {
     sum_lanes(w.dots, programs * dots, w.sums);
 }
 
-// Of one program: adds ∂/∂α̃ to w.dscore and leaves ∂/∂p in the last register's gradient; where there
-// are roles, those of their shares in w.drole.
+// Of one program: adds ∂/∂α̃ to w.dscore and leaves ∂/∂p in the last register's gradient.
 inline void weigh_backward(const Net& net, Work& w, int64_t k, int64_t sk) {
     const int n = w.objects;
     const float *sums = w.sums + k * w.dots_per_program(), *p = w.relevant + sk * w.lanes;
     const float* share = w.share + sk * n * w.lanes;
-    const bool roles = net.shape->roles;
-    const float* senders = w.senders + sk * w.lanes;
-    float* dp = roles ? w.drole : w.dregister + (net.shape->words + w.length) * w.lanes;
-    float* dsenders = roles ? w.drole + w.lanes : dp;
-    for (int i = 0; roles && i < w.lanes; i++) dsenders[i] = 0.0f;
+    float* dp = w.dregister + (net.shape->words + w.length) * w.lanes;
     vf sent[kMaxObjects];  // ∂/∂p_j, one term per receiver lane
     for (int j = 0; j < n; j++) sent[j] = vf{};
     for (int o = 0; o < w.lanes; o += W) {
         const vf receiver = load(p + o);
         vf dreceiver{};  // Σ_j ∂/∂(p_i α_ij) α_ij
         for (int j = 0; j < n; j++)
-            dreceiver += loadu(sums + j * n + o) * (senders[j] * load(share + j * w.lanes + o));
+            dreceiver += loadu(sums + j * n + o) * (p[j] * load(share + j * w.lanes + o));
         const vf mean = dreceiver * receiver;  // Σ_j ∂/∂α_ij α_ij
         for (int j = 0; j < n; j++) {
             const vf t = load(share + j * w.lanes + o) * (loadu(sums + j * n + o) * receiver - mean);
             sent[j] += t;
-            store(w.dscore + j * w.lanes + o, load(w.dscore + j * w.lanes + o) + senders[j] * t);
+            store(w.dscore + j * w.lanes + o, load(w.dscore + j * w.lanes + o) + p[j] * t);
         }
         store(dp + o, dreceiver + loadu(sums + n * n + o) + sums[n * n + n]);
     }
     float total[kMaxObjects + kLane];
     sum_lanes(sent, n, total);
-    for (int j = 0; j < n; j++) dsenders[j] += total[j];
+    for (int j = 0; j < n; j++) dp[j] += total[j];
 }
 
 // Gradients of query and context before tanh, in place of their activations; adds attention's.
@@ -133,8 +128,8 @@ inline void sample_backward(const Net& net, Work& w, const int32_t* programs, in
     for (int64_t i = 0; i < (words + 1 + w.length) * w.lanes; i++) w.dregister[i] = 0.0f;
     for (int64_t k = 0; k < w.programs; k++) {
         const int64_t sk = s * w.programs + k;
-        weigh_backward(net, w, k, sk);
-        if (net.shape->roles) roles_backward(net, w, sk, programs[sk]);
+        if (net.shape->roles) pairs_backward(net, w, k, sk, programs[sk]);
+        else weigh_backward(net, w, k, sk);
         run_program_backward(net, w, s, sk, programs[sk]);
     }
     attend_backward(net, w, s, gradient);

@@ -35,8 +35,8 @@ struct Work {
     float* registers;        // [S·K, L, lanes]: results of the program's instructions
     float* relevant;         // [S·K, lanes]: p
     float* mass;             // [S·K]: Σ p
-    float* senders;          // [S·K, lanes]: p, or where there are roles the target's shares
-    float *inverse, *drole;  // roles: [S·K, 2]: 1 / Σ of a set; [2, lanes]: ∂/∂ their shares
+    float* senders;          // roles: [S·K, lanes]: p2
+    float *moved, *drole;    // roles: [S·K, lanes]: p1; [2, lanes]: ∂/∂ p1 and p2
     float* attend;           // [S, N(j), lanes(i)]: exp α̃_ij
     float* share;            // [S·K, N(j), lanes(i)]: exp α̃_ij / Σ_k p_k exp α̃_ik
     float* weight;           // [S·K, N(j), lanes(i)]: p_i α_ij
@@ -102,8 +102,8 @@ inline void carve(Work& w, Arena& arena, const WorkSize& z) {
     w.phi = arena.take(z.words * w.phi_stride);
     w.registers = arena.take(sk * z.length * lanes);
     w.relevant = arena.take(sk * lanes), w.mass = arena.take(sk);
-    w.senders = z.roles ? arena.take(sk * lanes) : w.relevant;
-    w.inverse = arena.take(z.roles * sk * 2), w.drole = arena.take(z.roles * 2 * lanes);
+    w.senders = arena.take(z.roles * sk * lanes);
+    w.moved = arena.take(z.roles * sk * lanes), w.drole = arena.take(z.roles * 2 * lanes);
     w.attend = arena.take(s * n * lanes);
     w.share = arena.take(sk * n * lanes), w.weight = arena.take(sk * n * lanes);
     w.pooled = arena.take(sk * 2 * z.hidden), w.dpooled = arena.take(sk * 2 * z.hidden);

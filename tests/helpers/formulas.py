@@ -94,7 +94,7 @@ def relevance(network: NetworkConfig, named: Named, seen: Scenes) -> Tensor:
 
 
 def roles(network: NetworkConfig, named: Named, seen: Scenes) -> tuple[Tensor, Tensor]:
-    """p twice; where programs move objects, the shares of what is moved and of the target."""
+    """p twice; where programs move objects, the degrees of what is moved and of the target."""
     if not network.vocabulary.moves_objects:
         p = relevance(network, named, seen)
         return p, p
@@ -105,8 +105,7 @@ def roles(network: NetworkConfig, named: Named, seen: Scenes) -> tuple[Tensor, T
     body = torch.stack([torch.ones_like(hand), *free]).prod(0)
 
     def share(e: Expression, of: Tensor | float = 1.0) -> Tensor:
-        degrees = hand if e == HAND else degree(e, phi.__getitem__, seen.logic) * of * (1.0 - hand)
-        return degrees / (degrees.sum(-1, keepdim=True) + 1e-4)
+        return hand if e == HAND else degree(e, phi.__getitem__, seen.logic) * of * (1.0 - hand)
 
     rows = torch.arange(len(hand))[:, None], seen.row
     moved = torch.stack([share(program.moved, body) for program in seen.programs], 1)
@@ -117,7 +116,7 @@ def trunk(network: NetworkConfig, named: Named, seen: Scenes) -> Tensor:
     """h = Σ p_i ω'_i, ω'_i = f(ω_i) + Σ_j α_ij r(ω_i, ω_j) (eq. message-passing), [B, K, H].
 
     exp α̃_ii is multiplied by `self_weight`; of an r that hears nothing, its last bias remains.
-    Where programs move objects, p of α is that of the target, the other p of what is moved.
+    Where programs move objects, pairs are weighed by p1_i p2_j exp α̃_ij, as shares of their sum.
     """
     (p, targets), n = roles(network, named, seen), seen.objects.shape[1]
     w = columns(network, seen)
@@ -134,6 +133,12 @@ def trunk(network: NetworkConfig, named: Named, seen: Scenes) -> Tensor:
     if "relation.weight" in named:
         first = first + added(network, named, seen)[:, :, None, None]
     r = linear(named, "message.1", torch.tanh(first))  # [B, K or 1, N, N, H]
+    if network.vocabulary.moves_objects:
+        pairs = p[..., None] * heard
+        most = (scores @ named["attention.weight"]).detach().amax((-2, -1))[:, None, None, None]
+        pairs = pairs / (pairs.sum((-2, -1), keepdim=True) + 1e-6 * torch.exp(most))
+        told = mlp(named, "local", w)[:, None, :, None] + r
+        return (pairs[..., None] * told).sum((2, 3))
     nothing = (total == 0) * named["message.1.bias"]
     told = (alpha[..., None] * r).sum(3) + nothing
     return torch.einsum("bki,bkih->bkh", p, mlp(named, "local", w)[:, None] + told)

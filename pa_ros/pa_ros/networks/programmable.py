@@ -21,7 +21,7 @@ from pa_ros.networks.parameters import NOTHING
 from pa_ros.networks.properties import TrueProperties, input_scales
 from pa_ros.networks.relevance import relevant_objects, relevant_roles
 
-LITTLE = 1e-4  # added to the sum of degrees before they are divided by it
+LITTLE = 1e-6  # added to the sum of the pairs' weights before they are divided by it
 
 
 @dataclass(frozen=True)
@@ -40,17 +40,12 @@ class Programs:
         """p, [B, K, N], of Φ [B, V, N]; see `pa_ros.world.programs`."""
         return relevant_objects(phi, hand_index, self.op, self.a, self.b, logic)
 
-    def receivers_and_senders(
-        self, phi: Tensor, hand_index: int, logic: Logic
-    ) -> tuple[Tensor, Tensor]:
-        """How much each object receives and sends messages, [B, K, N] each: p and p, or, where
-        programs move objects, what is moved and the target, each summing to one."""
-        if self.roles is None:
-            p = self.relevant_objects(phi, hand_index, logic)
-            return p, p
-        sets = relevant_roles(phi, hand_index, self.op, self.a, self.b, self.roles, logic)
-        moved, target = sets[..., 1:, :].unbind(-2)
-        return _shares(moved), _shares(target)
+    def sets(self, phi: Tensor, hand_index: int, logic: Logic) -> tuple[Tensor, Tensor]:
+        """What is moved and the target, p1 and p2, [B, K, N] each, where programs move objects."""
+        assert self.roles is not None
+        found = relevant_roles(phi, hand_index, self.op, self.a, self.b, self.roles, logic)
+        moved, target = found[..., 1:, :].unbind(-2)
+        return moved, target
 
 
 class Weight(nn.Module):
@@ -118,14 +113,19 @@ class Trunk(nn.Module):
     def trunk(self, objects: Tensor, arm: Tensor, programs: Programs, hand_index: int) -> Tensor:
         """Compute h, [B, K, H], of objects [B, N, F] and arm [B, A] under K programs each."""
         phi = self.phi(objects, arm)
-        p, senders = programs.receivers_and_senders(phi, hand_index, self.logic)  # [B, K, N]
         columns = self._columns(objects, arm) * self.seen
-        alpha = self._attention(columns, senders)  # [B, K, N, N]
+        scores = self._scores(columns)  # [B, N, N]
+        if programs.roles is None:
+            p = programs.relevant_objects(phi, hand_index, self.logic)  # [B, K, N]
+            weights = p[..., None] * self._attention(scores, p)  # [B, K, N, N]
+        else:
+            weights = self._pairs(scores, *programs.sets(phi, hand_index, self.logic))
+            p = weights.sum(-1)
         first, local_last = _layers(self.local)
         message_last = _layers(self.message)[1]
         local = torch.tanh(first(columns))  # [B, N, H]
         f = p @ local
-        r = self._pooled(p[..., None] * alpha, self._sums(columns), programs.relation)
+        r = self._pooled(weights, self._sums(columns), programs.relation)
         # the last layers of f and r; every row of α sums to one, so both biases weigh Σ p
         bias = p.sum(-1, keepdim=True) * (local_last.bias + message_last.bias)
         return f @ local_last.weight.T + r @ message_last.weight.T + bias
@@ -137,16 +137,29 @@ class Trunk(nn.Module):
             z = torch.tanh(layer(z))
         return z
 
-    def _attention(self, columns: Tensor, p: Tensor) -> Tensor:
-        """α, [B, K, N, N]: α_ij ∝ p_j exp(w·tanh(q_i + c_j)), each row summing to one.
+    def _scores(self, columns: Tensor) -> Tensor:
+        """α̃_ij = w·tanh(q_i + c_j) of each pair, [B, N, N]."""
+        pairs = self.query(columns)[:, :, None] + self.context(columns)[:, None]
+        return torch.tanh(pairs) @ self.attention.weight
+
+    def _attention(self, scores: Tensor, p: Tensor) -> Tensor:
+        """α, [B, K, N, N]: α_ij ∝ p_j exp α̃_ij, each row summing to one.
 
         Where no other object is relevant at all, a row is 0: that object hears nothing.
         """
-        pairs = self.query(columns)[:, :, None] + self.context(columns)[:, None]
-        scores = torch.tanh(pairs) @ self.attention.weight  # [B, N, N]
         scores = torch.exp(scores - scores.detach().amax(-1, keepdim=True))
         weights = p[:, :, None, :] * (scores * self.senders(p.shape[-1]))[:, None]  # [B, K, N, N]
         return weights / weights.sum(-1, keepdim=True).clamp_min(NOTHING)
+
+    def _pairs(self, scores: Tensor, moved: Tensor, target: Tensor) -> Tensor:
+        """Weights of pairs, [B, K, N, N]: ∝ p1_i p2_j exp α̃_ij, summing to one over all pairs.
+
+        So where a set contains several objects, the attention chooses among them.
+        """
+        scores = torch.exp(scores - scores.detach().amax((-2, -1), keepdim=True))
+        scores = (scores * self.senders(moved.shape[-1]))[:, None]
+        weights = moved[..., None] * target[..., None, :] * scores
+        return weights / (weights.sum((-2, -1), keepdim=True) + LITTLE)
 
     def senders(self, n: int) -> Tensor:
         """[N, N]: the weight of each object j (column) to object i, 1 but for itself."""
@@ -209,11 +222,6 @@ class ProgrammableCritic(Trunk):
     ) -> Tensor:
         """Q, [B, K]; see `Trunk.trunk` and `head` for the inputs."""
         return self.head(self.trunk(objects, arm, programs, hand_index), action)
-
-
-def _shares(degrees: Tensor) -> Tensor:
-    """Degrees [..., N] as shares of their sum."""
-    return degrees / (degrees.sum(-1, keepdim=True) + LITTLE)
 
 
 def _layers(mlp: nn.ModuleList) -> tuple[nn.Linear, nn.Linear]:
