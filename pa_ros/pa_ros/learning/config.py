@@ -76,7 +76,10 @@ class HindsightConfig(Settings):
         0.2, ge=0, le=1, description="share of those with the place where another block later was"
     )
     either: float = Field(
-        0.1, ge=0, le=1, description="share under programs whose target is an OR of two"
+        0.2,
+        ge=0,
+        le=1,
+        description="share under programs in which one argument is an OR of two training ones",
     )
     spread: ClassVar[float] = 0.03  # m, deviation of a moved place
 

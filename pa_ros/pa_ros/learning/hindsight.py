@@ -56,8 +56,8 @@ class Transitions:
 
 
 class Hindsight:
-    """Draws transitions with one of P programs each: the training programs, then those whose target
-    is an OR of two of theirs."""
+    """Draws transitions with one of P programs each: the training programs, then those in which one
+    argument is an OR of two of theirs."""
 
     def __init__(
         self,
@@ -204,10 +204,14 @@ def _one_of(rng: np.random.Generator, wanted: Bools) -> NDArray[np.int32]:
 
 
 def _either(one: Program, two: Program) -> Program | None:
-    """The program that an OR makes of two that differ in their targets alone."""
-    if (one.relation, one.moved) != (two.relation, two.moved):
+    """The program that an OR in one argument makes of two that differ in that argument alone."""
+    if one.relation != two.relation:
         return None
-    return replace(one, target=Or((one.target, two.target)))
+    if one.moved == two.moved:
+        return replace(one, target=Or((one.target, two.target)))
+    if one.target == two.target and not (one.moves_hand or two.moves_hand):
+        return replace(one, moved=Or((one.moved, two.moved)))
+    return None
 
 
 def _hand(arm: Float32) -> Float64:
