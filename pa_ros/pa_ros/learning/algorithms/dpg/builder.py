@@ -58,4 +58,4 @@ def why_not_fused(network: NetworkConfig, config: DPGConfig) -> str:
     return why_not_network(network)
 
 
-DPG = Algorithm(DPGConfig, make_engine)
+DPG = Algorithm(DPGConfig, make_engine, {"push": {"learner.action_penalty": 0.1}})

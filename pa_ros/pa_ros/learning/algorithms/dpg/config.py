@@ -19,5 +19,7 @@ class DPGConfig(LearnerConfig):
 
     gradient_clip: float = Field(1.0, gt=0, description="bound of each element of ∂Q/∂a (paper)")
     action_penalty: float = Field(
-        0.0, ge=0, description="subtracts this times a from ∂Q/∂a, so that the hand rests at its goal"
+        0.0,
+        ge=0,
+        description="subtracts this times a from ∂Q/∂a, so that the hand rests at its goal",
     )
