@@ -8,6 +8,8 @@ import pytest
 from numpy.typing import ArrayLike
 
 from pa_ros.core.settings import canonical_json, read_json
+
+pytest.importorskip("cv2", reason="no OpenCV: install programmable-agents[camera]")
 from pa_ros.perception.blobs import CROP_PX, Blob
 from pa_ros.perception.calibration import Calibration
 from pa_ros.perception.errors import PerceptionError

@@ -16,13 +16,15 @@ from pa_ros.arena import (
     training_programs,
 )
 from pa_ros.core.errors import ConfigError
+from pa_ros.world.poses import in_base
+from pa_ros.world.schema import Seen
+
+pytest.importorskip("cv2", reason="no OpenCV: install programmable-agents[camera]")
 from pa_ros.perception.blobs import Blob, blobs
 from pa_ros.perception.calibration import Calibration
 from pa_ros.perception.errors import PerceptionError
 from pa_ros.perception.task import CameraTask
 from pa_ros.perception.view import View
-from pa_ros.world.poses import in_base
-from pa_ros.world.schema import Seen
 
 CONFIG, DESIGN = preset_named("fast"), design_named("3-D")
 PROGRAMS = training_programs(DESIGN)

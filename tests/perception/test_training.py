@@ -8,6 +8,8 @@ from pa_ros.cli import main as cli
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.agents import load_agent
 from pa_ros.networks.config import actor_config
+
+pytest.importorskip("cv2", reason="no OpenCV: install programmable-agents[camera]")
 from pa_ros.perception.calibration import Calibration
 
 TRAIN = ["train", "--design", "3-D", "--perception", "camera"]
@@ -21,17 +23,7 @@ def calibrated_before(calibration: Calibration, monkeypatch: pytest.MonkeyPatch)
 def test_an_agent_trained_from_pictures_keeps_its_camera(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run = [
-        "train",
-        "--design",
-        "3-D",
-        "--perception",
-        "camera",
-        "--out",
-        str(tmp_path),
-        "--eval-every",
-        "0",
-    ]
+    run = [*TRAIN, "--out", str(tmp_path), "--eval-every", "0"]
     settings = ["--learner.replay.warmup_frames", "200", "--network.hidden", "16"]
     assert cli.main([*run, *settings, "--frames", "300"]) == 0
     agent = load_agent(tmp_path, with_camera=True)
@@ -58,16 +50,6 @@ def test_an_agent_trained_from_pictures_keeps_its_camera(
 def test_what_a_camera_cannot_do_is_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], why: str
 ) -> None:
-    run = [
-        "train",
-        "--design",
-        "3-D",
-        "--perception",
-        "camera",
-        "--out",
-        str(tmp_path / "run"),
-        "--frames",
-        "100",
-    ]
-    assert cli.main([*run, *options]) == 2
+    run = [*TRAIN, "--out", str(tmp_path / "run"), "--frames", "100", *options]
+    assert cli.main(run) == 2
     assert why in capsys.readouterr().err
