@@ -20,13 +20,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run_card(run: Path, cache: Path) -> dict[str, object]:
     """Scores on fresh episodes and versions, for the policy's metadata."""
     from pa_ros.core.software import device, versions
-    from pa_ros.evaluation.experiments import FINAL_EPISODES, final_scores
+    from pa_ros.evaluation.agents import load_agent
+    from pa_ros.evaluation.experiments import FINAL_EPISODES, NORMALIZED, SUCCESS, final_scores
 
     held_out, trained = final_scores(run, cache)
+    score = SUCCESS if load_agent(run).design.vocabulary.moves_objects else NORMALIZED
     return {
         "episodes": FINAL_EPISODES,
-        "held_out.normalized": held_out,
-        "train.normalized": trained,
+        f"held_out.{score}": held_out,
+        f"train.{score}": trained,
         "versions": versions(),
         "device": device(),
     }
