@@ -91,32 +91,6 @@ def names(probe: Probe, service: tuple[str, Any] = topics.GET_ENTITIES, **fields
     return list(answer.entities)
 
 
-def test_a_client_that_knows_only_the_standard_uses_the_arena(probe):
-    def call(name: str, **fields: Any) -> Any:
-        snake = re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
-        answer = ask(probe, (snake, getattr(standard, name)), **fields)
-        if hasattr(answer, "result"):
-            assert answer.result.result == Result.RESULT_OK, answer.result.error_message
-        return answer
-
-    assert SimulatorFeatures.SPAWNING in call("GetSimulatorFeatures").features.features
-    assert call("GetSimulationState").state.state == SimulationState.STATE_PAUSED
-    at = {"initial_pose__pose__position__y": -0.6}
-    uri = call("GetSpawnables").spawnables[0].uri
-    name = call("SpawnEntity", uri=uri, allow_renaming=True, **at).entity_name
-    state = call("GetEntityState", entity=name).state
-    state.pose.position.y = 0.6
-    call("SetEntityState", entity=name, state=state)
-    assert call("GetEntitiesStates").states[-1].pose.position.y == pytest.approx(0.6)
-    info = call("GetEntityInfo", entity=name).info
-    assert info.category.category == EntityCategory.CATEGORY_DYNAMIC_OBJECT
-    call("StepSimulation")
-    call("DeleteEntity", entity=name)
-    assert name not in call("GetEntities").entities
-    call("SetSimulationState", state__state=SimulationState.STATE_PLAYING)
-    call("ResetSimulation", scope=standard.ResetSimulation.Request.SCOPE_STATE)
-
-
 def test_an_agent_follows_its_target_while_a_person_moves_removes_and_adds_it():
     with graph(SimNode, AgentNode, **ARENA, **TRAINED, sim_node__real_time_factor=20.0) as probe:
         assert probe.until(lambda: probe.count(topics.OBJECT_FEATURES) > 0)
@@ -160,6 +134,32 @@ def test_an_arena_warns_if_another_node_publishes_its_clock():
         said = "another node publishes /sim/clock, too"
         assert probe.until(lambda: said in probe.message("sim_node"))
         probe.destroy_publisher(intruder)
+
+
+def test_a_client_that_knows_only_the_standard_uses_the_arena(probe):
+    def call(name: str, **fields: Any) -> Any:
+        snake = re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
+        answer = ask(probe, (snake, getattr(standard, name)), **fields)
+        if hasattr(answer, "result"):
+            assert answer.result.result == Result.RESULT_OK, answer.result.error_message
+        return answer
+
+    assert SimulatorFeatures.SPAWNING in call("GetSimulatorFeatures").features.features
+    assert call("GetSimulationState").state.state == SimulationState.STATE_PAUSED
+    at = {"initial_pose__pose__position__y": -0.6}
+    uri = call("GetSpawnables").spawnables[0].uri
+    name = call("SpawnEntity", uri=uri, allow_renaming=True, **at).entity_name
+    state = call("GetEntityState", entity=name).state
+    state.pose.position.y = 0.6
+    call("SetEntityState", entity=name, state=state)
+    assert call("GetEntitiesStates").states[-1].pose.position.y == pytest.approx(0.6)
+    info = call("GetEntityInfo", entity=name).info
+    assert info.category.category == EntityCategory.CATEGORY_DYNAMIC_OBJECT
+    call("StepSimulation")
+    call("DeleteEntity", entity=name)
+    assert name not in call("GetEntities").entities
+    call("SetSimulationState", state__state=SimulationState.STATE_PLAYING)
+    call("ResetSimulation", scope=standard.ResetSimulation.Request.SCOPE_STATE)
 
 
 def test_time_pauses_advances_step_by_step_and_never_goes_back(probe):
