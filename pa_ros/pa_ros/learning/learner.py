@@ -100,7 +100,11 @@ class Learner:
                 for program in self._hindsight.programs:
                     self._row(program)
             else:
-                self._relabeler = Relabeler(*asked)
+                evaluated = family_of(network).evaluates_programs  # others take a single target
+                several = config.relabeling.targets if evaluated else 1
+                self._relabeler = Relabeler(*asked, several)
+                for program in self._relabeler.programs:
+                    self._row(program)
         self._dropout = None
         if config.relabeling.property_dropout and not (
             network.world.schema.tells_words or self._relabeler

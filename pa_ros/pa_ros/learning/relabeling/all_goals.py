@@ -8,6 +8,7 @@ per trajectory, as bits, so that drawing programs for a batch is a gather.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 from math import inf
 from typing import Any, NamedTuple
 
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64
-from pa_ros.language import Program
+from pa_ros.language import Or, Program
 from pa_ros.learning.errors import LearningError
 from pa_ros.world import Scoring
 from pa_ros.world.measures import ProgramMeasures
@@ -29,25 +30,38 @@ UInt64 = NDArray[np.uint64]
 
 
 class GoalMasks(NamedTuple):
-    """What relabeling stores of rows [...]; bit j and column j belong to program j."""
+    """What relabeling stores of rows [...]; bit j belongs to training program j, column j to
+    program j of all."""
 
     satisfied: UInt64  # [...] bits
-    present: Any  # bits of the programs that name something: of a trajectory, or [...]
+    present: Any  # bits of the training programs that name something: of a trajectory, or [...]
     rewards: Float32 | None = None  # [..., P]; None where a reward is a function of `satisfied`
     may_name: UInt64 | None = None  # [N] bits of the programs that may name an object; None: told
 
 
 class Relabeler:
-    """The P training programs, in order: program j is bit j of every mask, and row j of a batch."""
+    """The P programs that are drawn, in order: program j is row j of a batch. The training programs
+    come first, bit j of every mask, then ORs of up to `targets` of their targets."""
 
-    def __init__(self, programs: Sequence[Program], world: World, scoring: Scoring) -> None:
+    def __init__(
+        self, programs: Sequence[Program], world: World, scoring: Scoring, targets: int = 1
+    ) -> None:
         if not 1 <= len(programs) <= MAX_PROGRAMS:
             raise ConfigError(
                 f"relabeling: expected 1 to {MAX_PROGRAMS} programs, got {len(programs)}"
             )
         self._measures, self._world = ProgramMeasures(programs, world, scoring), world
         self._scoring = scoring
-        self._bits = np.arange(len(self._measures), dtype=np.uint64)
+        self._parts = [
+            list(chosen)
+            for count in range(1, targets + 1)
+            for chosen in combinations(range(len(programs)), count)
+            if len({programs[j].relation for j in chosen}) == 1
+        ]
+        joined = self._parts[len(programs) :]
+        self.programs = (*programs, *(_either([programs[j] for j in part]) for part in joined))
+        # An OR names something, and is satisfied, where that is true of one of its parts.
+        self._bits = np.array([sum(1 << j for j in part) for part in self._parts], np.uint64)
         self._values: Float64 | None = None  # of a program not satisfied, and of one that is
         if not scoring.reward.uses_measure:
             self._values = scoring.reward(np.array([False, True]), np.array([inf, 0.0]))
@@ -55,7 +69,7 @@ class Relabeler:
     @property
     def rewards_kept(self) -> int:
         """Programs whose rewards masks hold: all, unless bits determine the rewards; then 0."""
-        return len(self._measures) if self._values is None else 0
+        return len(self.programs) if self._values is None else 0
 
     def masks(
         self,
@@ -68,8 +82,8 @@ class Relabeler:
 
         `objects` is [T + 1, N, F] of one episode, where properties do not change; `hand_pose`
         [T + 1, 7] is the hand's in the base's frame, where a relation asks for it. Where features
-        tell no words, the verifier's `measures` [T + 1, P] say all that; raises LearningError
-        (learning.unjudged) without them.
+        tell no words, the verifier's `measures` [T + 1, training programs] say all that; raises
+        LearningError (learning.unjudged) without them.
         """
         may_name = None
         present: NDArray[np.bool_]
@@ -81,13 +95,16 @@ class Relabeler:
             measures = self._published(measures, len(objects))
             present = np.asarray(np.isfinite(measures[0]))
             may = self._measures.may_be_named(measures, objects, hand_pose)
-            other = ~(np.uint64(1) << self._bits).sum()  # programs of which nothing is known
+            other = ~self._bits[: len(self._measures)].sum()  # programs of which nothing is known
             may_name = self._bits_of(may.T) | other  # [N]
         satisfied: NDArray[np.bool_] = np.asarray(measures <= self._measures.thresholds)
         rewards = None
         if self._values is None:
-            earned = self._scoring.reward(satisfied, measures)
-            rewards = np.where(present, earned, 0.0).astype(np.float32)
+            least = np.stack([measures[:, part].min(1) for part in self._parts], 1)
+            holds = np.stack([satisfied[:, part].any(1) for part in self._parts], 1)
+            named_one = [present[part].any() for part in self._parts]
+            earned = self._scoring.reward(holds, least)
+            rewards = np.where(named_one, earned, 0.0).astype(np.float32)
         return GoalMasks(self._bits_of(satisfied), int(self._bits_of(present)), rewards, may_name)
 
     def _published(self, measures: Float64 | None, rows: int) -> Float64:
@@ -103,8 +120,8 @@ class Relabeler:
         return measures
 
     def _bits_of(self, flags: NDArray[np.bool_]) -> UInt64:
-        """[..., P] as bits, [...]."""
-        bits: UInt64 = flags @ (np.uint64(1) << self._bits)
+        """[..., training programs] as bits, [...]."""
+        bits: UInt64 = flags @ self._bits[: len(self._measures)]
         return bits
 
     def draw(
@@ -139,4 +156,9 @@ class Relabeler:
         return program, rewards
 
     def _unpack(self, bits: UInt64) -> NDArray[np.bool_]:
-        return (bits[:, None] >> self._bits & np.uint64(1)).astype(np.bool_)
+        return np.asarray(bits[:, None] & self._bits != 0)
+
+
+def _either(programs: Sequence[Program]) -> Program:
+    """A program that is satisfied where one of these, of one relation, is."""
+    return Program(Or(tuple(one.target for one in programs)), programs[0].relation)
