@@ -178,10 +178,15 @@ def summaries(suffix: str) -> dict[str, Summary]:
     return {row.condition: row for row in rows}
 
 
+def measured(tables: Sequence[dict[str, Summary]]) -> list[str]:
+    """Conditions that all of these tables have, in their usual order."""
+    return [name for name in CONDITIONS if all(name in found for found in tables)]
+
+
 def conditions() -> str:
     arms = [summaries(suffix) for suffix in ARMS]
     rows = []
-    for name in CONDITIONS:
+    for name in measured(arms):
         cells = [in_words(name)]
         for arm in arms:
             row = arm[name]
@@ -199,7 +204,7 @@ def logic() -> str:
     rows = []
     for suffix, arm in ARMS.items():
         ours, product = summaries(suffix), summaries(f"{suffix}.product")
-        names = [name for name in CONDITIONS if name not in ("train", "random")]
+        names = [name for name in measured([ours, product]) if name not in ("train", "random")]
         gains = [ours[name].normalized - product[name].normalized for name in names]
         worst = [min(kind[name].worst_seed for name in names) for kind in (product, ours)]
         rows.append((arm, span(gains, "+.3f"), f"{worst[0]:.2f}", f"{worst[1]:.2f}"))

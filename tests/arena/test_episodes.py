@@ -32,7 +32,10 @@ SEEDS = range(40)
 # Deep programs are slow to draw; `depth-3` stands for all depths here.
 SLOW = {f"depth-{depth}" for depth in DEPTHS[1:]}
 REACHING = [name for name in DESIGNS if not design_named(name).vocabulary.moves_objects]
-ALL = [(name, c) for name in REACHING for c in conditions_for(design_named(name)) if c not in SLOW]
+CONDITIONS = {name: conditions_for(design_named(name)) for name in REACHING}
+ONE = [(name, c) for name in REACHING for c in CONDITIONS[name]
+       if c not in SLOW and not c.startswith("several")]  # fmt: skip
+SEVERAL = [(name, c) for name in REACHING for c in CONDITIONS[name] if c.startswith("several")]
 
 
 def draw(design: Design, condition: str, seed: int, index: int = 0) -> Episode:
@@ -47,7 +50,7 @@ def target_of(episode: Episode, design: Design) -> Kind:
     return kinds[named.index(True)]
 
 
-@pytest.mark.parametrize(("design_name", "condition"), ALL)
+@pytest.mark.parametrize(("design_name", "condition"), ONE)
 def test_blocks_are_unique_apart_and_exactly_one_is_named(design_name: str, condition: str) -> None:
     design = design_named(design_name)
     targets = set()
@@ -106,6 +109,20 @@ def test_numbers_of_blocks(count: int) -> None:
         assert target_of(episode, THREE_D) in THREE_D.held_out
 
 
+@pytest.mark.parametrize(("design_name", "condition"), SEVERAL)
+def test_short_programs_name_so_many_blocks(design_name: str, condition: str) -> None:
+    design, count = design_named(design_name), condition.removeprefix("several-")
+    forms = set()
+    for seed in range(60):
+        episode = draw(design, condition, seed)
+        named = satisfying(episode.program, [b.kind.words for b in episode.blocks], None)
+        assert len({block.kind for block in episode.blocks}) == len(named) <= design.n_blocks
+        assert sum(named) == (design.n_blocks if count == "all" else int(count))
+        assert all(named) == (count == "all")
+        forms.add(type(episode.program.target))
+    assert Or in forms and forms <= {Word, Not, Or}
+
+
 def is_new(kind: Kind) -> bool:
     return kind["shape"] == "CAPSULE" or kind["color"] == "MAGENTA"
 
@@ -150,7 +167,7 @@ def test_custom_vocabulary_and_number_of_blocks() -> None:
     )
     for condition in conditions_for(design):
         episode = draw(design, condition, 3)
-        target_of(episode, design)
+        assert condition.startswith("several") or target_of(episode, design)
     assert len(draw(design, "train", 3).blocks) == 6
 
 

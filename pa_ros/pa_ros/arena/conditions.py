@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from itertools import product
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.text import did_you_mean
 from pa_ros.language import HAND, And, Expression, Not, Or, Program, Word, parse, satisfying
 
+SEVERAL = (1, 2, 3)  # blocks named in the conditions `several-…`; `several-all` names all
 DEPTHS = (3, 4, 5, 6)  # depths of the longer programs; training programs are 2 deep
 NEAR_STARTS = 0.5  # in training: then random actions push the block, and learning can begin
 TRIES = 10_000  # draws of a longer program before it is given up
@@ -41,8 +42,8 @@ class Term(Enum):
 class Condition:
     """The targets of episodes, and how programs name them.
 
-    The program of an episode always names exactly one block: the target. If blocks are to be moved,
-    it names one such block too, and targets may be places.
+    The program of an episode names exactly one block, the target, unless `named` says more. If
+    blocks are to be moved, it names one such block too, and targets may be places.
     """
 
     name: str
@@ -53,6 +54,7 @@ class Condition:
     new_distractor: bool = False  # at least one other block has a new property
     relations: tuple[str, ...] = ()  # of the programs; empty: all of the design's
     depth: int = 0  # 0: a conjunction of the terms; else a random program of this depth
+    named: int = 0  # blocks that a program of one word, NOT or OR names; 0: a program of the terms
     moved: tuple[Kind, ...] = ()  # blocks to be moved; empty: the hand
     moved_terms: Mapping[str, Term] = field(default_factory=dict)  # how programs name them
     # "moved", "target": its argument is an OR with another present object
@@ -116,8 +118,29 @@ def program_for(
         others = min(condition.n_blocks - 1, len(design.pool) // 2)
         program = DeepPrograms(design, condition.depth).draw(target, others, rng)
         return replace(program, relation=relation), ()
+    if condition.named:
+        choices = [(e, named) for e, named in _short(design, condition.named) if target in named]
+        expression, named = choices[int(rng.integers(len(choices)))]
+        others = [kind for kind in named if kind != target]
+        also = [others[i] for i in rng.permutation(len(others))[: condition.named - 1]]
+        return Program(expression, relation), tuple(also)
     terms, required = _terms(design, target, condition.terms, rng)
     return _program(design, relation, *terms), tuple(required)
+
+
+def _short(design: Design, count: int) -> list[tuple[Expression, tuple[Kind, ...]]]:
+    """Expressions of one word, NOT or OR that can name `count` blocks, and the kinds they name.
+
+    Each leaves another kind unnamed, unless it is to name all blocks on the table.
+    """
+    words, pool = [Word(word) for word in design.words], design.pool
+    found = []
+    for expression in (*words, *map(Not, words), *map(Or, combinations(words, 2))):
+        bits = satisfying(Program(expression), [kind.words for kind in pool], None)
+        named = tuple(kind for kind, is_named in zip(pool, bits, strict=True) if is_named)
+        if len(named) >= count and (len(named) < len(pool) or count == design.n_blocks):
+            found.append((expression, named))
+    return found
 
 
 def moving_program(
@@ -233,6 +256,11 @@ def _conditions(design: Design) -> dict[str, Condition]:
     found += _by_relation(design, n)
     if len(varied) > 1:
         found += [Condition(f"depth-{depth}", pool, pool, n, depth=depth) for depth in DEPTHS]
+    for name, count in (*((str(k), k) for k in SEVERAL if k < n), ("all", n)):
+        nameable = {kind for _, named in _short(design, count) for kind in named}
+        targets = tuple(kind for kind in pool if kind in nameable)
+        if targets:
+            found.append(Condition(f"several-{name}", targets, pool, n, named=count))
     return {condition.name: condition for condition in found}
 
 

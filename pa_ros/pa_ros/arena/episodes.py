@@ -48,7 +48,8 @@ def generate(
 ) -> Episode:
     """Draw episode `index` from `default_rng([seed, 0, index])`.
 
-    Blocks are unique in their properties, in random order, and the program names exactly one.
+    Blocks are unique in their properties, in random order, and the program names exactly one, or
+    `condition.named`.
     There are fewer than `condition.n_blocks` if the design has too few kinds that the program
     does not name. Raises ArenaError (arena.episode) if the blocks do not fit on the table.
     """

@@ -30,8 +30,9 @@ CONDITIONS = (
     *(f"blocks-{count}" for count in (2, 3, 5, 6, 8)),
     *("ignore-new", "reach-new-shape", "reach-new-color", "reach-new-both"),
     *(f"depth-{depth}" for depth in (3, 4, 5, 6)),
+    *(f"several-{count}" for count in (1, 2, 3, "all")),
 )
-"""Those of the paper, in the order of its figure, then the longer programs."""
+"""Those of the paper, in the order of its figure, then longer programs and several targets."""
 
 
 @dataclass(frozen=True, slots=True)
