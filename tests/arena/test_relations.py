@@ -1,9 +1,12 @@
 """Relations in the arena: episodes, verdicts and pictures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pa_ros.arena import (
+    Kind,
     ReachTask,
     conditions_for,
     design_named,
@@ -52,6 +55,46 @@ def test_conditions_of_one_relation_use_only_that_relation() -> None:
     for index in range(6):
         task.reset(index, "eval-in-front-of")
         assert str(task.program) == "IN_FRONT_OF(HAND, AND(BLUE, SPHERE))"
+
+
+def test_held_out_combinations_are_drawn_in_their_own_condition_alone() -> None:
+    held_out = ("ABOVE", TWO_L.train[0]), ("LEFT_OF", TWO_L.train[1])
+    design = replace(SIX, held_out_combinations=held_out)
+    texts = {f"{relation}(HAND, {kind.conjunction})" for relation, kind in held_out}
+    assert {str(p) for p in training_programs(SIX)} - texts == set(
+        map(str, training_programs(design))
+    )
+    task = ReachTask(FAST, design, seed=0)
+
+    def drawn(condition: str) -> set[str]:
+        found = set()
+        for index in range(60):
+            task.reset(index, condition)
+            found.add(str(task.program))
+        return found
+
+    assert not drawn("train") & texts
+    assert drawn("eval-combinations") == texts
+    assert drawn("eval-combinations-above") == {"ABOVE(HAND, AND(RED, CUBE))"}
+    assert drawn("train-above") == {f"ABOVE(HAND, {k.conjunction})" for k in TWO_L.train[1:]}
+    assert not any("combinations" in name for name in conditions_for(SIX))
+    assert design.with_relations("NEAR", "ABOVE").held_out_combinations == held_out[:1]
+
+
+def test_3d_relations_holds_out_each_relation_with_one_target() -> None:
+    design = design_named("3-D-relations")
+    assert [relation for relation, _ in design.held_out_combinations] == list(RELATIONS)
+    assert {kind for _, kind in design.held_out_combinations} == set(design.train)
+    assert len(training_programs(design)) == 6 * 6 - 6
+    assert {"eval-combinations-behind", "eval-near", "several-2"} <= set(conditions_for(design))
+
+
+@pytest.mark.parametrize("wrong", [("ABOVE", TWO_L.train[0]), ("NEAR", TWO_L.held_out[0])])
+def test_a_combination_must_be_one_of_the_design(wrong: tuple[str, Kind]) -> None:
+    with pytest.raises(ConfigError, match="held_out_combinations"):
+        replace(TWO_L, held_out_combinations=(wrong,))
+    with pytest.raises(ConfigError, match="expected a training program"):
+        replace(TWO_L, held_out_combinations=tuple(("NEAR", kind) for kind in TWO_L.train))
 
 
 def test_an_arena_can_set_the_thresholds() -> None:

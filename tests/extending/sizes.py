@@ -7,13 +7,20 @@ from pa_ros.arena.designs import Design, Kind, kinds, register
 from pa_ros.world.schema import PAPER, ObjectSchema, PropertyGroup, Real
 
 EDGE_M = {"SMALL": 0.04, "LARGE": 0.08}
+MIDDLE_M = 0.06
 
-# One more feature of an object, after shape and color: its edge in m. A word is true within 1 cm of
-# its value; networks get 25 units per metre.
+# One more feature of an object, after shape and color: how much longer its edge is than 0.06 m. So
+# the values lie on both sides of 0, as detectors without biases need, and 0 is neither. A word is
+# true within 1 cm of its value; networks get 50 units per metre, ±1.
 SIZE = PropertyGroup(
     "size",
     ("SMALL", "LARGE"),
-    Real(("m",), {word: (edge,) for word, edge in EDGE_M.items()}, tolerance=0.01, scale=25.0),
+    Real(
+        ("m_from_middle",),
+        {word: (edge - MIDDLE_M,) for word, edge in EDGE_M.items()},
+        tolerance=0.01,
+        scale=50.0,
+    ),
 )
 SCHEMA = ObjectSchema((*PAPER.groups, SIZE))
 

@@ -53,6 +53,8 @@ class Condition:
     terms: Mapping[str, Term] = field(default_factory=dict)  # by group; NAMED is the default
     new_distractor: bool = False  # at least one other block has a new property
     relations: tuple[str, ...] = ()  # of the programs; empty: all of the design's
+    # Of relation and target: True: only held-out ones; False: none of them; None: any.
+    combinations: bool | None = None
     depth: int = 0  # 0: a conjunction of the terms; else a random program of this depth
     named: int = 0  # blocks that a program of one word, NOT or OR names; 0: a program of the terms
     moved: tuple[Kind, ...] = ()  # blocks to be moved; empty: the hand
@@ -96,6 +98,18 @@ def training_programs(design: Design) -> tuple[Program, ...]:
         _program(design, relation, *kind.values())
         for relation in design.vocabulary.relations
         for kind in design.train
+        if design.trains(relation, kind)
+    )
+
+
+def _asked(
+    design: Design, target: Kind, relations: tuple[str, ...], combinations: bool | None
+) -> tuple[str, ...]:
+    """The relations of programs for a target; the arguments are those of a condition."""
+    return tuple(
+        relation
+        for relation in relations or design.vocabulary.relations
+        if combinations in (None, not design.trains(relation, target))
     )
 
 
@@ -108,7 +122,7 @@ def program_for(
     condition: Condition, design: Design, target: Kind, rng: np.random.Generator
 ) -> tuple[Program, tuple[Kind, ...]]:
     """A program for a target, and the blocks that it needs besides the target."""
-    relations = condition.relations or design.vocabulary.relations
+    relations = _asked(design, target, condition.relations, condition.combinations)
     # A single relation uses no random number, so that the episodes of one relation are the same as
     # before there were several.
     relation = relations[int(rng.integers(len(relations))) if len(relations) > 1 else 0]
@@ -121,8 +135,8 @@ def program_for(
     if condition.named:
         choices = [(e, named) for e, named in _short(design, condition.named) if target in named]
         expression, named = choices[int(rng.integers(len(choices)))]
-        others = [kind for kind in named if kind != target]
-        also = [others[i] for i in rng.permutation(len(others))[: condition.named - 1]]
+        rest = [kind for kind in named if kind != target]
+        also = [rest[i] for i in rng.permutation(len(rest))[: condition.named - 1]]
         return Program(expression, relation), tuple(also)
     terms, required = _terms(design, target, condition.terms, rng)
     return _program(design, relation, *terms), tuple(required)
@@ -134,8 +148,10 @@ def _short(design: Design, count: int) -> list[tuple[Expression, tuple[Kind, ...
     Each leaves another kind unnamed, unless it is to name all blocks on the table.
     """
     words, pool = [Word(word) for word in design.words], design.pool
+    pairs = map(Or, combinations(words, 2))
+    expressions: list[Expression] = [*words, *map(Not, words), *pairs]
     found = []
-    for expression in (*words, *map(Not, words), *map(Or, combinations(words, 2))):
+    for expression in expressions:
         bits = satisfying(Program(expression), [kind.words for kind in pool], None)
         named = tuple(kind for kind, is_named in zip(pool, bits, strict=True) if is_named)
         if len(named) >= count and (len(named) < len(pool) or count == design.n_blocks):
@@ -236,7 +252,8 @@ def _conditions(design: Design) -> dict[str, Condition]:
     pool, wider, n = design.pool, design.extended_pool, design.n_blocks
     zero_shot = design.held_out or design.train
     varied = [group for group, values in design.values.items() if len(values) > 1]
-    found = [Condition("train", design.train, pool, n)]
+    trained = tuple(kind for kind in design.train if _asked(design, kind, (), False))
+    found = [Condition("train", trained, pool, n, combinations=False)]
     if design.held_out:
         found.append(Condition("eval", design.held_out, pool, n))
     if len(design.values) > 1:
@@ -315,14 +332,25 @@ def _moving_conditions(design: Design) -> list[Condition]:
 
 
 def _by_relation(design: Design, n: int) -> list[Condition]:
-    """Training and held-out targets by relation, for designs with several relations."""
-    parts = (("train", design.train), ("eval", design.held_out))
-    return [
-        Condition(f"{part}-{relation.lower().replace('_', '-')}", targets, design.pool, n,
-                  relations=(relation,))
-        for part, targets in parts if targets
-        for relation in design.vocabulary.relations if len(design.vocabulary.relations) > 1
-    ]  # fmt: skip
+    """Held-out combinations of relation and target, and the conditions of a single relation, for
+    designs with several."""
+    relations = design.vocabulary.relations
+    parts: list[tuple[str, tuple[Kind, ...], bool | None]] = [
+        ("train", design.train, False),
+        ("eval", design.held_out, None),
+    ]
+    if design.held_out_combinations:
+        parts.append(("eval-combinations", design.train, True))
+    found = []
+    for part, targets, held_out in parts:
+        several = [(relation,) for relation in relations if len(relations) > 1]
+        for asked in ((), *several) if held_out else several:
+            name = "-".join((part, *(relation.lower().replace("_", "-") for relation in asked)))
+            of = tuple(kind for kind in targets if _asked(design, kind, asked, held_out))
+            if of:
+                found.append(Condition(name, of, design.pool, n, relations=asked,
+                                       combinations=held_out))  # fmt: skip
+    return found
 
 
 def _reach_new(design: Design, pool: tuple[Kind, ...], n: int) -> list[Condition]:

@@ -74,6 +74,8 @@ class Design:
     """Kinds without a body, to which programs move blocks; empty: programs move the hand."""
     n_places: int = 0  # on the table
     pairs: bool = False  # training programs move blocks to other blocks, too
+    held_out_combinations: tuple[tuple[str, Kind], ...] = ()
+    """Relations with a training target that no training program combines."""
 
     def __post_init__(self) -> None:
         self._check_values()
@@ -85,6 +87,15 @@ class Design:
                 f"design {self.name}: expected train and held-out targets that are distinct "
                 f"blocks of the design, got {self.train} and {self.held_out}"
             )
+        for relation, kind in self.held_out_combinations:
+            if relation not in self.vocabulary.relations or kind not in self.train:
+                raise ConfigError(
+                    f"design {self.name}: held_out_combinations: expected relations and training "
+                    f"targets of the design, got {relation} and {kind}"
+                )
+        if not any(self.trains(relation, kind) for relation in self.vocabulary.relations
+                   for kind in self.train):  # fmt: skip
+            raise ConfigError(f"design {self.name}: expected a training program, all are held out")
         if not 1 <= self.n_blocks <= len(self.pool):
             raise ConfigError(
                 f"design {self.name}: n_blocks: expected 1 to {len(self.pool)} (unique in their "
@@ -119,10 +130,16 @@ class Design:
 
     def with_relations(self, *relations: str) -> Design:
         """The same blocks, for programs that ask for these relations; ConfigError for one that is
-        not registered."""
+        not registered. Combinations with them stay held out."""
         for relation in relations:
             RELATIONS[relation]
-        return replace(self, vocabulary=replace(self.vocabulary, relations=relations))
+        held_out = tuple(pair for pair in self.held_out_combinations if pair[0] in relations)
+        vocabulary = replace(self.vocabulary, relations=relations)
+        return replace(self, vocabulary=vocabulary, held_out_combinations=held_out)
+
+    def trains(self, relation: str, kind: Kind) -> bool:
+        """Whether the combination of a relation and a training target is not held out."""
+        return (relation, kind) not in self.held_out_combinations
 
     @property
     def extended_pool(self) -> tuple[Kind, ...]:
@@ -182,6 +199,12 @@ register(
     Design("3-C", _VALUES_3, _WORDS_3, _ALL_3, **_COMMON),
     _THREE_D,
     replace(_THREE_D, name="3-D-exact", vocabulary=_WORDS_3_EXACT),
+    # Each relation is held out with one training target: with another one each.
+    replace(
+        _THREE_D.with_relations(*RELATIONS),
+        name="3-D-relations",
+        held_out_combinations=tuple(zip(RELATIONS, _OFF_DIAGONAL, strict=True)),
+    ),
 )  # fmt: skip
 
 
