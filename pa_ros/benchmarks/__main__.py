@@ -19,6 +19,7 @@ from pa_ros.core.text import write_report
 # name: help. The module `benchmarks.NAME` defines add_arguments(parser) and run(options).
 BENCHMARKS = {
     "arena": "control steps per second; scores of the script and of random actions",
+    "baselines": "other networks and algorithms with our relabeling",
     "fleet": "how much sooner several slow arenas bring one learner to its goal",
     "graph": "control steps per second of an arena and an agent as two processes",
     "latency": "time from a program, and from an observation, to the command",

@@ -1,6 +1,7 @@
 """Scores under every condition: paired, kept and summarized; and references that are blind."""
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation import results, scorer
 from pa_ros.evaluation.agents import TrainedAgent, without_training
 from pa_ros.evaluation.blind import BLIND, blind_policy
-from pa_ros.evaluation.evaluate import run_episodes
+from pa_ros.evaluation.evaluate import layouts_seed, run_episodes
 from pa_ros.evaluation.generalization import (
     CONDITIONS,
     ConditionRow,
@@ -184,3 +185,21 @@ def test_the_study_writes_tables_and_a_picture_that_can_be_redrawn(novice, tmp_p
     picture.unlink()
     assert results.redraw_generalization(out / "generalization.x.csv") == picture
     assert picture.read_bytes() == before
+
+
+def test_conditions_share_layouts_unless_each_has_its_own(novice: TrainedAgent, tmp_path) -> None:
+    shared = Benchmark(novice.design, novice.arena, episodes=2)
+    own = replace(shared, layouts="own")
+
+    def starts(benchmark: Benchmark, condition: str) -> list[float]:
+        scores = Scorer(benchmark, tmp_path).reference("random", condition)
+        return [score.reward_per_step for score in scores]
+
+    assert starts(own, "train") != starts(shared, "train")
+    task = ReachTask(shared.arena, shared.design, shared.seed)
+    places = []
+    for condition in ("train", "eval"):
+        task.reset(0, condition)
+        places.append([(block.x, block.y) for block in task.episode.blocks])
+    assert places[0] == places[1]
+    assert layouts_seed(1, "eval") != layouts_seed(1, "train") == layouts_seed(1, "train")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import peers, roles
+from benchmarks import baselines, peers, roles
 from benchmarks.latency import Latencies
 from benchmarks.peers import OURS, PeerScore, run_contender
 from pa_ros.core.errors import ConfigError
@@ -84,3 +84,23 @@ def test_finished_runs_are_not_repeated_and_a_missing_library_is_an_error(
     options.contenders = ["TQC"]
     with pytest.raises(ConfigError, match="TQC needs sb3_contrib"):
         peers.run(options)
+
+
+@pytest.mark.parametrize("method", baselines.METHODS)
+def test_every_baseline_learns_from_relabeled_batches_and_is_scored(
+    method: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(baselines, "WARMUP_FRAMES", 150)
+    options = argparse.Namespace(
+        design="2-L", preset="fast", seeds=1, first_seed=3, frames=200, episodes=1, rates=2.0,
+        methods=[method], runs=tmp_path,
+    )  # fmt: skip
+    found = baselines.run(options)
+    stated = {name.split(".")[-2] for name in found if name.endswith("success")}
+    conjunctions = {"train", "eval", "ignore-new"}
+    words = {"word-1", "word-2"}  # on 2-L no word names three blocks
+    can = {"canonical": conjunctions}
+    can |= dict.fromkeys(("deep-sets", "sac"), conjunctions | words)
+    assert stated == can.get(method, conjunctions | words | {"depth-6"})
+    assert found[f"baselines.2-L.{method}.200.2.train.seeds"] == 1
+    assert baselines.run(options) == found  # not trained again

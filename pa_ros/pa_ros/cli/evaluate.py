@@ -21,6 +21,7 @@ from pa_ros.evaluation.evaluate import (
     EvaluationConfig,
     by_program,
     evaluate,
+    layouts_seed,
 )
 from pa_ros.evaluation.generalization import (
     RANDOM_WEIGHTS,
@@ -51,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="train, eval, only-color, … (docs/evaluation.md), `random` for random weights, "
         "`all` for all of them (%(default)s)",
     )
-    add_settings(parser, EvaluationConfig, "episodes", "seed", "logic")
+    add_settings(parser, EvaluationConfig, "episodes", "seed", "layouts", "logic")
     parser.add_argument("--json", type=file_to_write, help="also write the figures to this file")
 
 
@@ -90,7 +91,8 @@ def _report(
     drawn_from: str,
     perception: str = "",
 ) -> Report:
-    asked = drawn_from, options.episodes, options.seed
+    seed = options.seed if options.layouts == "shared" else layouts_seed(options.seed, drawn_from)
+    asked = drawn_from, options.episodes, seed
     evaluation = evaluate(arena, design, policy, *asked, perception=perception)
     for row in by_program(evaluation):
         print(f"{row.program}: {row.episodes} episodes, {row.reward_per_step:+.3f} per step, "
@@ -123,6 +125,7 @@ def _setting(
         "eval.arm": arena.arm,
         "eval.preset": arena.preset,
         "eval.seed": options.seed,
+        "eval.layouts": options.layouts,
         "device": device(),
         "threads": 1,
         "versions": versions(),
@@ -138,6 +141,7 @@ def _all_conditions(agent: TrainedAgent, options: argparse.Namespace) -> int:
             arena=agent.arena,
             episodes=options.episodes,
             seed=options.seed,
+            layouts=options.layouts,
             perception=agent.perception,
         )
         scorer = Scorer(benchmark, Path(cache))

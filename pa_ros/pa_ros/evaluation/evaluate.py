@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import groupby
-from typing import Annotated, Protocol
+from typing import Annotated, Literal, Protocol
 
 import numpy as np
 from pydantic import Field
@@ -43,12 +43,23 @@ REFERENCES = ("scripted", "random")
 SCENES_SEARCHED = 1000
 
 
+def layouts_seed(seed: int, condition: str) -> int:
+    """A seed of a condition's own. With one seed for all conditions, episode i has the same places
+    and start in `train` and in `eval`, and their scores are not independent."""
+    return int(np.random.SeedSequence([seed, *condition.encode()]).generate_state(1)[0])
+
+
 class EvaluationConfig(ArenaChoice):
     """Which episodes are scored."""
 
     condition: str = Field("eval", description="that episodes are drawn from")
     episodes: int = Field(100, ge=1, description="how many")
     seed: int = Field(EPISODES_SEED, ge=0, description="of the episodes")
+    layouts: Literal["shared", "own"] = Field(
+        "shared",
+        description="whether episode i has the same places and start in all conditions, as in "
+        "the tables of RESULTS.md, or each condition its own",
+    )
     logic: Annotated[str, OneOf(lambda: LOGICS)] = Field(
         MIN_MAX.name, description="logic by which an agent executes programs"
     )

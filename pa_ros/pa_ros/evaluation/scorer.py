@@ -12,7 +12,12 @@ from pa_ros.arena import ArenaConfig, Design, ReachTask, scoring_of
 from pa_ros.core.experience import Float64, Observation
 from pa_ros.evaluation.agents import TrainedAgent
 from pa_ros.evaluation.blind import BLIND, blind_policy
-from pa_ros.evaluation.evaluate import EPISODES_SEED, reference_policy, run_episodes
+from pa_ros.evaluation.evaluate import (
+    EPISODES_SEED,
+    layouts_seed,
+    reference_policy,
+    run_episodes,
+)
 from pa_ros.evaluation.scores import EpisodeScore
 from pa_ros.evaluation.tables import read_rows, write_rows
 from pa_ros.perception import task_seen
@@ -28,6 +33,7 @@ class Benchmark:
     arena: ArenaConfig
     episodes: int = 100  # in each condition
     seed: int = EPISODES_SEED
+    layouts: str = "shared"  # or "own": of each condition
     perception: str = ""  # calibration of the agents' camera; empty: properties are told
 
     @property
@@ -51,31 +57,36 @@ class Scorer:
     def __init__(self, benchmark: Benchmark, cache: Path) -> None:
         self.benchmark = benchmark
         self._cache = cache / benchmark.digest
-        told = benchmark.arena, benchmark.design, benchmark.seed
-        self._task = ReachTask(*told)
-        self._seen = task_seen(*told, benchmark.perception) if benchmark.perception else self._task
+        self._tasks: dict[tuple[int, str], ReachTask] = {}
+
+    def _task(self, condition: str, perception: str = "") -> ReachTask:
+        of = self.benchmark
+        seed = layouts_seed(of.seed, condition) if of.layouts == "own" else of.seed
+        key, told = (seed, perception), (of.arena, of.design, seed)
+        if key not in self._tasks:
+            self._tasks[key] = task_seen(*told, perception) if perception else ReachTask(*told)
+        return self._tasks[key]
 
     def reference(self, name: str, condition: str) -> list[EpisodeScore]:
         """Scores of one of `evaluate.REFERENCES` or `blind.BLIND`."""
-        if name in BLIND:
-            return self._scores(name, condition, lambda: blind_policy(self._task, name))
-        return self._scores(name, condition, lambda: reference_policy(self._task, name))
+        task, make = self._task(condition), blind_policy if name in BLIND else reference_policy
+        return self._scores(name, condition, lambda: make(task, name), task)
 
     def agent(self, agent: TrainedAgent, condition: str) -> list[EpisodeScore]:
         """Scores of a trained agent that acts greedily."""
+        task = self._task(condition, self.benchmark.perception)
 
         def policy() -> Callable[[Observation], Float64]:
             act = agent.policy
-            return lambda observation: act(observation, self._seen.program)
+            return lambda observation: act(observation, task.program)
 
-        return self._scores(agent.key, condition, policy, self._seen)
+        return self._scores(agent.key, condition, policy, task)
 
     def _scores(
-        self, name: str, condition: str, policy: MakePolicy, task: ReachTask | None = None
+        self, name: str, condition: str, policy: MakePolicy, task: ReachTask
     ) -> list[EpisodeScore]:
         path = self._cache / name / f"{condition}.csv"
         if not path.exists():
-            asked = policy(), condition, self.benchmark.episodes
-            episodes = run_episodes(task or self._task, *asked)
+            episodes = run_episodes(task, policy(), condition, self.benchmark.episodes)
             write_rows(path, list(episodes))
         return read_rows(path, EpisodeScore)
