@@ -131,6 +131,32 @@ def span(values: Sequence[float], form: str) -> str:
     return text.replace("-0.00 ", "0.00 ").replace("-", "−")
 
 
+def share_interval(successes: int, count: int) -> tuple[float, float]:
+    """The 95 % interval of a share of independent trials (Clopper and Pearson 1934)."""
+
+    def at_most(k: int, p: float) -> float:
+        return sum(math.comb(count, i) * p**i * (1.0 - p) ** (count - i) for i in range(k + 1))
+
+    def where(tail: Callable[[float], float]) -> float:
+        """Where a falling function of the share is 0.025."""
+        low, high = 0.0, 1.0
+        for _ in range(50):
+            middle = (low + high) / 2
+            low, high = (middle, high) if tail(middle) > 0.025 else (low, middle)
+        return low
+
+    lowest = 1.0 - where(lambda p: at_most(count - successes, p)) if successes else 0.0
+    highest = where(lambda p: at_most(successes, p)) if successes < count else 1.0
+    return lowest, highest
+
+
+def solved_of(seeds: Sequence[SeedSummary]) -> str:
+    """How many seeds are solved, with the interval of the share."""
+    solved, count = sum(s.solved for s in seeds), len(seeds)
+    low, high = share_interval(solved, count)
+    return f"{solved} of {count} ({low:.0%} to {high:.0%})"
+
+
 def seeds_of(label: str) -> list[SeedSummary]:
     return read_rows(RESULTS / f"{label}-seeds.csv", SeedSummary)
 
@@ -149,11 +175,10 @@ def seeds() -> str:
     rows = []
     for label, words in SEEDS.items():
         own = seeds_of(label)
-        solved = sum(s.solved for s in own)
         held_out = any(s.final_held_out != s.final_train for s in own)  # or nothing is held out
         rows.append((
             words,
-            f"{solved} of {len(own)}",
+            solved_of(own),
             span([s.frames for s in own], ",.0f"),
             solve_frames(label),
             span([s.final_held_out for s in own], ".2f") if held_out else "–",
@@ -168,8 +193,7 @@ def headline() -> str:
         own = seeds_of(label)
         name = label.partition(".")[0]
         command = f"`pa_ros experiment {name} {options}--seeds 10 --first-seed 600`"
-        solved = f"{sum(s.solved for s in own)} of {len(own)}"
-        rows.append((design, arm, solved, solve_frames(label).partition(" ")[0], command))
+        rows.append((design, arm, solved_of(own), solve_frames(label).partition(" ")[0], command))
     return table(("Design", "Arm", "Solved", "Median frames until solved", "Command"), rows)
 
 

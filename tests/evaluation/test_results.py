@@ -14,6 +14,19 @@ def test_make_results_leaves_the_page_unchanged(page):
     assert results_tables.filled(page.read_text()) == page.read_text()
 
 
+def test_shares_of_seeds_have_exact_intervals() -> None:
+    beta = pytest.importorskip("scipy.stats").beta
+    for successes, count in ((10, 10), (3, 10), (0, 3), (1, 2)):
+        low, high = results_tables.share_interval(successes, count)
+        assert low == pytest.approx(
+            beta.ppf(0.025, successes, count - successes + 1) if successes else 0, abs=1e-9
+        )
+        assert high == pytest.approx(
+            beta.ppf(0.975, successes + 1, count - successes) if successes < count else 1, abs=1e-9
+        )
+    assert results_tables.share_interval(10, 10)[0] == pytest.approx(0.69, abs=0.005)
+
+
 def test_failed_seeds_are_shown_with_their_scores():
     rows = results_tables.variants().splitlines()
     (noise,) = [row for row in rows if row.startswith("| more noise ")]
