@@ -191,11 +191,11 @@ def test_conditions_share_layouts_unless_each_has_its_own(novice: TrainedAgent, 
     shared = Benchmark(novice.design, novice.arena, episodes=2)
     own = replace(shared, layouts="own")
 
-    def starts(benchmark: Benchmark, condition: str) -> list[float]:
+    def ends(benchmark: Benchmark, condition: str) -> list[float]:
         scores = Scorer(benchmark, tmp_path).reference("random", condition)
-        return [score.reward_per_step for score in scores]
+        return [score.distance for score in scores]
 
-    assert starts(own, "train") != starts(shared, "train")
+    assert ends(own, "train") != ends(shared, "train")
     task = ReachTask(shared.arena, shared.design, shared.seed)
     places = []
     for condition in ("train", "eval"):

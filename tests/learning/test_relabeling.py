@@ -151,7 +151,7 @@ def test_ors_of_several_targets_are_rewarded_as_the_verifier_does(reward: Reward
     seen = set()
     for _ in range(60):
         objects, words = episode(rng, 1, 4, 0)
-        satisfied, present, rewards = several.masks(objects, 0)
+        satisfied, present, rewards, _ = several.masks(objects, 0)
         masks = GoalMasks(satisfied[1:], np.array([present], np.uint64), rewards)
         if rewards is not None:
             masks = masks._replace(rewards=rewards[1:])
