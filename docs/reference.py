@@ -23,6 +23,7 @@ from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.protocols import PROTOCOLS, LearningSettings
 from pa_ros.networks.config import NetworkSettings
 from sim_node.config import SimConfig
+from sim_node.robot.settings import RobotSettings
 
 ROOT = Path(__file__).parents[1]
 EXTENDING = ROOT / "docs/extending.md"
@@ -58,6 +59,7 @@ TABLES: dict[str, tuple[str, type[Settings]]] = {  # marker: file, settings
     "td3": ("docs/learning.md", TD3Config),
     "network": ("docs/learning.md", NetworkSettings),
     "nodes": ("docs/graph.md", NodeSettings),
+    "robot": ("docs/robot.md", RobotSettings),
     **{node: ("docs/graph.md", kind) for node, kind in NODES.items()},
 }
 

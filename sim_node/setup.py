@@ -15,5 +15,10 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", glob("config/*.yaml")),
     ],
-    entry_points={"console_scripts": ["sim_node = sim_node.main:main"]},
+    entry_points={
+        "console_scripts": [
+            "sim_node = sim_node.main:main",
+            "robot_node = sim_node.robot.main:main",
+        ]
+    },
 )

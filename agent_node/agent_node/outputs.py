@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pa_ros.acting.velocity import VelocityRamp
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription
 from pa_ros.wire.views import encode_jog, encode_outlines, encode_point, encode_velocities
+from pa_ros.world.velocity import VelocityRamp
 
 if TYPE_CHECKING:
     from agent_node.node import AgentNode

@@ -25,6 +25,7 @@ BENCHMARKS = {
     "latency": "time from a program, and from an observation, to the command",
     "learner": "updates per second, beside other implementations and a lower bound",
     "peers": "agents of other libraries on the same task",
+    "rehearsal": "how often programs are executed in the arena and on a robot of robot_node",
     "roles": "updates where programs move objects, beside updates without roles",
     "train": "updates per second while learning, as a share of updates alone",
 }

@@ -7,16 +7,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from helpers.robots import CONFIG, NAMES, PERIOD_S, Rehearsal
+from helpers.robots import CONFIG, DESIGN, NAMES, PERIOD_S, Rehearsal
 from pa_ros.acting.actor import Actor
+from pa_ros.arena.camera import Camera, intrinsics, optical_pose
+from pa_ros.core.extensions import load
+from pa_ros.language import parse
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.wire.program import ProgramRequest
 from pa_ros.world.poses import in_base, in_hand
+from sim_node.robot.arm import RealArm
 from sim_node.robot.frames import FrameTree, Placed, RobotError
 from sim_node.robot.guard import Guard
 from sim_node.robot.joints import JointHistory
-from sim_node.robot.settings import Joint, Workspace
+from sim_node.robot.settings import Joint, Workspace, load_robot
 
+AGENT, EXAMPLES = Path("shipped:3-D"), Path(__file__).parents[2] / "docs/examples"
 POSES = st.integers(0, 2**32).map(lambda seed: _random_pose(np.random.default_rng(seed)))
 JOINTS = (Joint(name="a"), Joint(name="b", sign=-1, offset=0.5))
 
@@ -80,7 +85,7 @@ def test_joints_are_resampled_in_the_agents_signs():
     for stamp in (20, 99, 5):
         assert history.at(stamp).position.tolist() == [1.0, -0.5], "the newest"
     assert history.to_driver(np.array([1.0, 1.0])).tolist() == [1.0, -1.0]
-    assert history.position_of_driver(np.array([1.0, -0.5])).tolist() == [1.0, 1.0]
+    assert history.driver_position.tolist() == [1.0, 1.0]
 
 
 def test_velocities_that_a_driver_leaves_out_are_computed():
@@ -193,5 +198,43 @@ def test_a_command_that_answers_no_recent_observation_moves_nothing():
 
 @pytest.mark.parametrize("text", ["NEAR(HAND, AND(RED, CUBE))", "NEAR(HAND, NOT(OR(RED, GREEN)))"])
 def test_the_shipped_agent_reaches_what_a_program_names(text):
-    actor = Actor.of(load_policy(Path("shipped:3-D")))
+    actor = Actor.of(load_policy(AGENT))
     assert all(Rehearsal(index).execute(text, actor) for index in range(3))
+
+
+def test_the_shipped_agent_reaches_what_a_camera_finds_by_tags():
+    pytest.importorskip("pupil_apriltags", reason="needs the extra `tags`")
+    simulated, tracker = load(
+        [str(EXAMPLES / name) for name in ("simulated_arm.py", "tag_tracker.py")]
+    )
+    arm, plant = RealArm(load_robot(EXAMPLES / "robot.yaml")), simulated.SimulatedArm(3, tags=True)
+    camera, detector = Camera(plant.model, simulated.VIEW, *simulated.SIZE), tracker.finder()
+    matrix = intrinsics(plant.model, simulated.VIEW, *simulated.SIZE)
+    seen_from, actor = optical_pose(plant.model, simulated.VIEW), Actor.of(load_policy(AGENT))
+    arm.submit(ProgramRequest("p", "NEAR(HAND, SPHERE)"))
+    program = parse(arm.program, DESIGN.vocabulary)
+    for step in range(40):
+        stamp, now = step * 10**8, step * PERIOD_S
+        joints = plant.data.qpos[:6].copy(), plant.data.qvel[:6].copy()
+        arm.joints.add(*joints, stamp, now)
+        arm.frames.add("world", "hand", Placed(pose_of(plant.body("hand")), stamp, now))
+        arm.frames.add("world", "camera", Placed(pose_of(seen_from)))
+        if step % 5 == 0:
+            camera.look(plant)
+            for number, tag in tracker.find(detector, camera.picture(), matrix).items():
+                arm.frames.add("camera", f"tag36h11:{number}", Placed(pose_of(tag), stamp, now))
+        observed = arm.observe(now, stamp)
+        true = np.linalg.norm(plant.body("hand").position - plant.body("block2").position)
+        assert observed.verdict.distance == pytest.approx(true, abs=0.03)
+        if true < 0.08:
+            break
+        plant.velocity = arm.allowed(
+            actor.act(observed.observation, program) * arm.about.speed_limits
+        )
+        plant.advance(PERIOD_S)
+    camera.close()
+    assert true < 0.08
+
+
+def pose_of(body):
+    return np.array([*body.position, *body.quaternion])

@@ -45,7 +45,6 @@ def test_a_file_says_what_measures_each_object(tmp_path):
         ({"workspace": {"lower": [0, 0, 1], "upper": [1, 1, 1]}}, "workspace.lower: expected less"),
         ({"workspace": {"lower": [0, 0], "upper": [1, 1, 1]}}, "workspace.lower: expected"),
         ({"speed_scale": 2.0}, "speed_scale: expected a number in (0, 1], got 2.0"),
-        ({"slow_s": 0.4}, "slow_s: expected at least twice command_timeout_s 0.3, got 0.4"),
         ({"control": "torque"}, "control: expected one of ['velocity'"),
         ({"base_frame": 3}, "base_frame: expected text, got 3"),
         ({"speed_scal": 1.0}, "speed_scal: unknown setting; did you mean 'speed_scale'?"),

@@ -8,6 +8,7 @@ from typing import Any
 
 from control_msgs.msg import JointJog
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
@@ -16,6 +17,7 @@ from simulation_interfaces import srv as simulator
 from std_msgs.msg import Float64MultiArray, String
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory
+from vision_msgs.msg import Detection3DArray
 from visualization_msgs.msg import MarkerArray
 
 from msgs_schema import msg, srv
@@ -103,6 +105,15 @@ JOINT_JOG = Topic("joint_jog", JointJog, STEP, STEP)
 # Relative, so that blocks of several arenas do not share frames. In the root namespace: /tf.
 TF = Topic("tf", TFMessage, STEP, STEP)
 TF_STATIC = Topic("tf_static", TFMessage, LATCHED, LATCHED_READER)
+
+# From a robot's sensors.
+DETECTIONS = Topic("detections", Detection3DArray, STEP, STEP)
+
+
+def tracked_pose(name: str) -> Topic:
+    """A topic with the pose of one object."""
+    return Topic(name, PoseStamped, STEP, STEP)
+
 
 # For viewers.
 ROBOT_DESCRIPTION = Topic("robot_description", String, LATCHED, LATCHED_READER)

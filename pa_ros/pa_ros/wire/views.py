@@ -146,15 +146,20 @@ def _color(marker: Any, rgba: Sequence[float]) -> None:
 
 def decode_pose(message: PoseStamped) -> tuple[str, Float64]:
     """Return the frame and the pose [7]: position (m), unit quaternion xyzw. Raises WireError."""
-    position, orientation = message.pose.position, message.pose.orientation
+    pose = read_pose("pose", message.pose.position, message.pose.orientation)
+    return str(message.header.frame_id), pose
+
+
+def read_pose(name: str, position: Any, orientation: Any) -> Float64:
+    """Return a pose [7], with a quaternion of length 1, from its two parts. Raises WireError."""
     numbers = [*read_vector(position), *read_vector(orientation, "xyzw")]
-    pose = read_array("pose", numbers, np.float64, (7,), LARGEST)
+    pose = read_array(name, numbers, np.float64, (7,), LARGEST)
     length = float(np.linalg.norm(pose[3:]))
     if not UNIT[0] <= length <= UNIT[1]:
         expected = "a quaternion of length 1"
-        raise WireError("pose.orientation", expected, f"length {length}", code="wire.range")
+        raise WireError(f"{name}.orientation", expected, f"length {length}", code="wire.range")
     pose[3:] /= length
-    return str(message.header.frame_id), pose
+    return pose
 
 
 def encode_velocities(velocity: Float64) -> Float64MultiArray:

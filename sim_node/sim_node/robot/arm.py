@@ -22,7 +22,8 @@ from sim_node.robot.guard import Guard
 from sim_node.robot.joints import JointHistory
 from sim_node.robot.settings import Robot, pose_of
 
-UPRIGHT_RAD = 0.2  # greatest angle between the measured z axis of the hand and the model's
+SLOW = 2.0  # command timeouts: one without commands takes the hand half of the way to the box
+HAND_M, HAND_RAD = 0.05, 0.2  # greatest differences of the measured hand and the model's
 
 
 class RealArm:
@@ -56,7 +57,9 @@ class RealArm:
             [sum(ends) / 2 if np.isfinite(ends).all() else np.nan for ends in limits]
         )
         speeds = np.array(config.joint_speed_limits) * settings.speed_scale
-        self._guard = Guard(settings.workspace, lower, upper, speeds, settings.slow_s)
+        self._guard = Guard(
+            settings.workspace, lower, upper, speeds, SLOW * settings.command_timeout_s
+        )
         names = self.joints.names
         self.about = describe_robot(
             world_of(config, design),
@@ -83,7 +86,7 @@ class RealArm:
         says."""
         hand, poses = self._measure(now_s)
         joints = self.joints.at(hand.stamp_ns)
-        self._check_age(now_s, joints.arrived_s, self.settings.joints_timeout_s, "joint_states")
+        self._check_age(now_s, joints.arrived_s, self.settings.arm_timeout_s, "joint_states")
         position = self._unwound(joints.position)
         self._check_model(position, hand.pose)
         objects = objects_from_poses(self._schema, self._kinds, np.array([hand.pose, *poses]))
@@ -97,7 +100,7 @@ class RealArm:
         """Raise RobotError as `observe` does, if joints or poses are lost."""
         hand, _ = self._measure(now_s)
         arrived_s = self.joints.at(hand.stamp_ns).arrived_s
-        self._check_age(now_s, arrived_s, self.settings.joints_timeout_s, "joint_states")
+        self._check_age(now_s, arrived_s, self.settings.arm_timeout_s, "joint_states")
 
     def _measure(self, now_s: float) -> tuple[Placed, list[Float64]]:
         """The hand, and the objects' poses in the base's frame; what is missing, in one error."""
@@ -106,7 +109,7 @@ class RealArm:
         found: dict[str, Placed] = {}
         missing = []
         for name, (frame, offset) in wanted.items():
-            oldest = settings.hand_timeout_s if name == "hand" else settings.objects_timeout_s
+            oldest = settings.arm_timeout_s if name == "hand" else settings.objects_timeout_s
             try:
                 placed = self.frames.pose(base, frame)
                 self._check_age(now_s, placed.arrived_s, oldest, frame)
@@ -140,7 +143,7 @@ class RealArm:
         apart = float(np.linalg.norm(place - hand[:3]))
         measured_axis = in_base(hand, _UP)[:3] - hand[:3]
         angle = float(np.arccos(np.clip(axis @ measured_axis, -1.0, 1.0)))
-        if apart > self.settings.hand_tolerance_m or angle > UPRIGHT_RAD:
+        if apart > HAND_M or angle > HAND_RAD:
             raise RobotError(
                 f"the hand is {apart:.2f} m and {angle:.1f} rad from where the model of "
                 f"{self.settings.arm} puts it: check the joints' order, signs and offsets, and "

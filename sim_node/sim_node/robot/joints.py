@@ -33,6 +33,7 @@ class JointHistory:
         self._signs = np.array([joint.sign for joint in joints])
         self._offsets = np.array([joint.offset for joint in joints])
         self._kept: deque[JointSample] = deque()
+        self.driver_position = np.zeros(len(joints))  # [J] rad, the newest as the driver sent it
 
     def add(
         self, position: Float64, velocity: Float64 | None, stamp_ns: int, arrived_s: float
@@ -48,6 +49,7 @@ class JointHistory:
             newest = None
         if newest and stamp_ns == newest.stamp_ns:
             return
+        self.driver_position = position
         here = self._signs * position + self._offsets
         if velocity is not None:
             speed = self._signs * velocity
@@ -83,7 +85,3 @@ class JointHistory:
     def to_driver(self, velocity: Float64) -> Float64:
         """The agent's joint velocities [J] in the driver's signs."""
         return np.asarray(self._signs * velocity)
-
-    def position_of_driver(self, position: Float64) -> Float64:
-        """The agent's joint angles [J] in the driver's signs and offsets."""
-        return np.asarray(self._signs * (position - self._offsets))

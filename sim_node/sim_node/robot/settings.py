@@ -23,6 +23,7 @@ from pa_ros.world.poses import IDENTITY
 from pa_ros.world.schema import ObjectSchema
 
 LONGEST_S = 60.0  # of any age or period
+TAG_FRAME = "tag36h11:"  # of tf, before a tag's number; apriltag_ros names it so
 Entry = TypeVar("Entry", bound=Settings)
 Offset = tuple[float, ...]  # empty, a position (m), or a position and a quaternion xyzw
 Place = tuple[float, float, float]
@@ -61,6 +62,12 @@ class Thing(Settings):
         pose_of(self.offset, "offset")
         return self
 
+    @property
+    def source(self) -> str:
+        """The frame that measures it: one of tf, or one beside it (`measured_frame`)."""
+        tag = f"{TAG_FRAME}{self.tag}" if self.tag >= 0 else ""
+        return self.frame or tag or measured_frame(self.detection or self.topic)
+
 
 class Workspace(Settings):
     """The box that the hand does not leave, in the base's frame."""
@@ -87,30 +94,17 @@ class RobotSettings(ArenaChoice):
     base_frame: str = Field(description="tf frame of the arm's base, on the table, z up")
     hand_frame: str = Field(description="tf frame of the hand")
     hand_offset: Offset = Field((), description="pose of the agent's hand in hand_frame")
-    tag_prefix: str = Field("tag36h11:", description="of the tf frames of tags, before the number")
     workspace: Workspace
     period_s: float = Field(0.1, ge=0.01, le=1.0, description="between two observations")
     speed_scale: float = Field(0.3, gt=0, le=1, description="of the speeds the agent learned with")
     max_acceleration: float = Field(2.0, ge=0, le=1e3, description="rad/s² per joint; 0: no limit")
-    slow_s: Seconds = Field(
-        0.6, description="the hand slows down where it would otherwise leave the box so soon"
-    )
     command_timeout_s: Seconds = Field(0.3, description="without a command the arm holds")
-    joints_timeout_s: Seconds = Field(0.2, description="greatest age of joint_states")
-    hand_timeout_s: Seconds = Field(0.2, description="greatest age of the hand's pose")
+    arm_timeout_s: Seconds = Field(0.2, description="greatest age of the joints and the hand")
     objects_timeout_s: Seconds = Field(0.5, description="greatest age of an object's pose")
-    hand_tolerance_m: float = Field(
-        0.05, gt=0, description="between the hand's measured place and that of the arm's model"
-    )
 
     @model_validator(mode="after")
-    def _goes_together(self) -> Self:
+    def _has_a_hand(self) -> Self:
         pose_of(self.hand_offset, "hand_offset")
-        if self.slow_s < 2 * self.command_timeout_s:  # else the hand leaves before it is stopped
-            raise ValueError(
-                f"slow_s: expected at least twice command_timeout_s {self.command_timeout_s}, "
-                f"got {self.slow_s}"
-            )
         return self
 
 
@@ -126,16 +120,7 @@ class Robot:
     @property
     def sources(self) -> dict[str, tuple[str, Float64]]:
         """By object: the frame that measures it, and the object's pose [7] in it."""
-        prefix = self.settings.tag_prefix
-        return {
-            name: (
-                (thing.frame or f"{prefix}{thing.tag}")
-                if thing.frame or thing.tag >= 0
-                else measured_frame(thing.detection or thing.topic),
-                pose_of(thing.offset, "offset"),
-            )
-            for name, thing in self.objects.items()
-        }
+        return {name: (t.source, pose_of(t.offset, "offset")) for name, t in self.objects.items()}
 
 
 def measured_frame(source: str) -> str:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pa_ros.acting.velocity import VelocityRamp
+from pa_ros.world.velocity import VelocityRamp
 
 
 def test_a_ramp_is_no_steeper_than_allowed_and_ends_at_the_limits():

@@ -23,7 +23,7 @@ class VelocityRamp:
         """Whether any velocity is not zero."""
         return bool(self.velocity.any())
 
-    def towards(self, action: Float32, period_s: float) -> Float64:
+    def towards(self, action: Float32 | Float64, period_s: float) -> Float64:
         """The velocities one period later, on the way to an action: shares [J] of the limits."""
         target = action * self._speeds
         most = self._acceleration * period_s

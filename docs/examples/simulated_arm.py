@@ -1,0 +1,194 @@
+"""The arena's arm as a "real" one, for rehearsals with robot_node: joint_states, tf and a camera
+come out, joint velocities go in, and nothing else (docs/robot.md)."""
+
+import ctypes
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from pa_ros.arena import Episode, Kind, condition_named, design_named, generate, preset_named
+from pa_ros.arena.appearance import look_of
+from pa_ros.arena.camera import Camera, intrinsics, optical_pose
+from pa_ros.arena.model import mjcf
+from pa_ros.core.experience import Body
+from pa_ros.ros import topics
+from pa_ros.ros.executor import steady_timer
+from pa_ros.ros.node_main import run_node
+from pa_ros.ros.refusals import Refusals
+from pa_ros.wire.fields import read_array, write_stamp
+from pa_ros.wire.views import encode_camera_info, encode_image, encode_transforms
+
+CONFIG, DESIGN = preset_named("fast"), design_named("3-D")
+KINDS = [  # of objects with the tags 0, 1, 2 and 3
+    Kind(color="RED", shape="CUBE"),
+    Kind(color="GREEN", shape="CUBE"),
+    Kind(color="RED", shape="SPHERE"),
+    Kind(color="BLUE", shape="CYLINDER"),
+]
+PERIOD_S = 0.02  # of the driver: 50 joint states per second
+TAG_M, SHEET_M = 0.05, 0.0625  # edge of a tag's black square, and of the sheet with its white edge
+OBJECTS = {str(kind).lower().replace(" ", "_"): f"block{i}" for i, kind in enumerate(KINDS)}
+SIZE, PICTURE_S = (1600, 1200), 0.2  # px; wall time between two pictures
+CAMERA_FRAME, VIEW = "camera_optical_frame", "above"
+
+
+class Family(ctypes.Structure):
+    """The first fields of AprilTag's `apriltag_family`: codes, and where their bits are."""
+
+    _fields_ = [
+        ("ncodes", ctypes.c_uint32),
+        ("codes", ctypes.POINTER(ctypes.c_uint64)),
+        ("width_at_border", ctypes.c_int),
+        ("total_width", ctypes.c_int),
+        ("reversed_border", ctypes.c_bool),
+        ("nbits", ctypes.c_uint32),
+        ("bit_x", ctypes.POINTER(ctypes.c_uint32)),
+        ("bit_y", ctypes.POINTER(ctypes.c_uint32)),
+    ]
+
+
+def tag_picture(number: int, pixels: int = 16) -> np.ndarray:
+    """The sheet of AprilTag 36h11 `number`, white edge included, [height, width] grey."""
+    import pupil_apriltags
+
+    detector = pupil_apriltags.Detector(families="tag36h11")
+    address = ctypes.cast(detector.tag_families["tag36h11"], ctypes.c_void_p).value
+    family = Family.from_address(address)
+    whole, edge = family.total_width, (family.total_width - family.width_at_border) // 2
+    sheet = np.full((whole, whole), 255, np.uint8)
+    sheet[edge:-edge, edge:-edge] = 0
+    for i in range(family.nbits):
+        if family.codes[number] >> (family.nbits - 1 - i) & 1:
+            sheet[family.bit_y[i] + edge, family.bit_x[i] + edge] = 255
+    return sheet.repeat(pixels, 0).repeat(pixels, 1)
+
+
+def scene_of(number: int) -> Episode:
+    """The objects of KINDS at places that the arena draws."""
+    drawn = generate(CONFIG, DESIGN, condition_named("train", DESIGN), 0, number)
+    blocks = (replace(b, kind=kind) for b, kind in zip(drawn.blocks, KINDS, strict=True))
+    return replace(drawn, blocks=tuple(blocks))
+
+
+class SimulatedArm:
+    """Arm and objects of a scene in MuJoCo, on its own, with a tag above each object if wanted."""
+
+    def __init__(self, scene: int = 0, tags: bool = False) -> None:
+        drawn = scene_of(scene)
+        looks = [look_of(block.kind) for block in drawn.blocks]
+        spec = mujoco.MjSpec.from_string(mjcf(CONFIG, looks))
+        for i, look in enumerate(looks):
+            spec.geom(f"block{i}").rgba = [float(part) for part in look.rgba.split()]
+            if tags:
+                _add_tag(spec, i)
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        self.joints = len(CONFIG.joint_speed_limits)
+        self.data.qpos[: self.joints] = drawn.arm_start
+        places = self.data.qpos[self.joints :].reshape(-1, 7)
+        for place, block, look in zip(places, drawn.blocks, looks, strict=True):
+            half = block.yaw / 2
+            place[:] = block.x, block.y, look.rest_height, np.cos(half), 0, 0, np.sin(half)
+        mujoco.mj_forward(self.model, self.data)
+        self.velocity = np.zeros(self.joints)  # rad/s, as commanded last
+
+    def advance(self, seconds: float = PERIOD_S) -> None:
+        """Move as commanded last."""
+        limits = CONFIG.joint_speed_limits
+        self.data.ctrl[:] = np.clip(self.velocity, np.negative(limits), limits)
+        mujoco.mj_step(self.model, self.data, round(seconds / self.model.opt.timestep))
+        mujoco.mj_forward(self.model, self.data)
+
+    def body(self, name: str) -> Body:
+        """Pose of `hand` or `block0` … in the base's frame."""
+        body = self.data.body(name)
+        return Body.at_rest(body.xpos.copy(), np.roll(body.xquat, -1))
+
+
+class ArmDriver(Node):
+    """What a driver, a robot_state_publisher and a camera driver publish, on one node."""
+
+    def __init__(self) -> None:
+        super().__init__("simulated_arm")
+        scene = self.declare_parameter("scene", 0).value
+        self.tags = self.declare_parameter("tags", False).value  # else tf has the objects' poses
+        self.names = [f"joint_{i}" for i in range(1, 7)]
+        self.refusals = Refusals(self.get_logger().warning)
+        self.joints, self.tf = topics.JOINT_STATES.publisher(self), topics.TF.publisher(self)
+        self.fixed = topics.TF_STATIC.publisher(self)
+        self.image = topics.CAMERA_IMAGE.publisher(self)
+        self.info = topics.CAMERA_INFO.publisher(self)
+        self.thread, self.camera, self.rendering = ThreadPoolExecutor(1), None, None
+        self.place(scene)
+        commands = self.refusals.guard("velocity_commands", self.on_velocity)
+        topics.VELOCITY_COMMANDS.subscribe(self, commands)
+        steady_timer(self, PERIOD_S, self.step)
+        if self.tags:
+            steady_timer(self, PICTURE_S, self.take_picture)
+
+    def place(self, scene: int) -> None:
+        """Put arm and objects where a scene of the arena begins."""
+        self.arm = SimulatedArm(scene, self.tags)
+        self.matrix = intrinsics(self.arm.model, VIEW, *SIZE)
+        if self.tags:  # a new scene is a new model, and a camera belongs to its thread
+            if self.camera is not None:
+                self.thread.submit(self.camera.close).result()
+            self.camera = self.thread.submit(Camera, self.arm.model, VIEW, *SIZE).result()
+            placed = {CAMERA_FRAME: optical_pose(self.arm.model, VIEW)}
+            self.fixed.publish(encode_transforms(placed, 0))
+
+    def on_velocity(self, message) -> None:
+        self.arm.velocity[:] = read_array("velocity", message.data, np.float64, (6,))
+
+    def step(self) -> None:
+        self.arm.advance()
+        now, data, count = time.time_ns(), self.arm.data, len(self.names)
+        state = JointState(name=self.names)
+        write_stamp(state.header.stamp, now)
+        state.position, state.velocity = data.qpos[:count].tolist(), data.qvel[:count].tolist()
+        self.joints.publish(state)
+        seen = {"hand": "hand"} if self.tags else {"hand": "hand", **OBJECTS}
+        moved = {name: self.arm.body(body) for name, body in seen.items()}
+        self.tf.publish(encode_transforms(moved, now))
+
+    def take_picture(self) -> None:
+        if self.rendering is None or self.rendering.done():
+            self.camera.look(self.arm)
+            self.rendering = self.thread.submit(self.publish_picture, time.time_ns())
+
+    def publish_picture(self, stamp_ns: int) -> None:
+        self.image.publish(encode_image(self.camera.picture(), CAMERA_FRAME, stamp_ns))
+        self.info.publish(encode_camera_info(self.matrix, *SIZE, CAMERA_FRAME, stamp_ns))
+
+    def close(self) -> None:
+        if self.camera is not None:
+            self.thread.submit(self.camera.close)
+        self.thread.shutdown()
+
+
+def _add_tag(spec: mujoco.MjSpec, number: int) -> None:
+    """Lay the sheet of a tag on an object."""
+    name, picture = f"tag{number}", tag_picture(number)
+    texture = spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D)
+    texture.width, texture.height, texture.nchannel = picture.shape[1], picture.shape[0], 3
+    texture.data = np.stack([picture] * 3, -1).tobytes()
+    material = spec.add_material(name=name)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+    spec.body(f"block{number}").add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[SHEET_M / 2, SHEET_M / 2, 0.0005],
+        pos=[0, 0, 0.0305],
+        material=name,
+        contype=0,
+        conaffinity=0,
+        mass=0,
+    )
+
+
+if __name__ == "__main__":
+    raise SystemExit(run_node("simulated_arm", ArmDriver))

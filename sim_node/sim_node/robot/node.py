@@ -1,0 +1,212 @@
+"""A real arm as a ROS node in the arena's place (docs/robot.md)."""
+
+from __future__ import annotations
+
+import math
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from pa_ros.core.errors import PaError
+from pa_ros.core.experience import AgentKey, Step
+from pa_ros.core.extensions import NodeSettings
+from pa_ros.ros import topics
+from pa_ros.ros.executor import steady_timer
+from pa_ros.ros.health import ERROR, OK, WARN
+from pa_ros.ros.lifecycle import ManagedNode
+from pa_ros.ros.peers import PeerMonitor, is_restarted_agent
+from pa_ros.ros.refusals import RateLimiter, answer_program
+from pa_ros.wire import Message
+from pa_ros.wire.arena import encode_arena_info
+from pa_ros.wire.program import decode_program, encode_program_status
+from pa_ros.wire.robot import (
+    Measurement,
+    decode_detections,
+    decode_driver_joints,
+    decode_tracked,
+    decode_transform,
+    encode_table,
+)
+from pa_ros.wire.step import decode_command, encode_step
+from sim_node.robot.arm import RealArm
+from sim_node.robot.frames import Placed, RobotError
+from sim_node.robot.output import Output
+from sim_node.robot.settings import load_robot, measured_frame
+
+WATCHES = 4  # looks for a loss per control period
+SHOW_S = 0.25  # wall time between two samples and sets of markers
+
+
+class RobotConfig(NodeSettings):
+    """Parameters of robot_node; the robot itself is in a file."""
+
+    robot: str = Field("robot.yaml", description="file that describes the robot (docs/robot.md)")
+    autostart: bool = Field(False, description="configure and activate at the start: may move!")
+
+
+class RobotNode(ManagedNode):
+    """Publishes what is measured as observations, and sends what agents command to the arm.
+
+    It moves, and publishes observations, only while it is active.
+    """
+
+    config: RobotConfig
+
+    def __init__(self) -> None:
+        super().__init__("robot_node", RobotConfig)
+
+    def configure(self) -> None:
+        robot = load_robot(Path(self.config.robot))
+        self.arm = RealArm(robot)
+        self._loss: PaError | None = None  # why the arm holds
+        self._step: Step | None = None
+        self._stamp_ns, self._commanded_at = 0, -math.inf
+        self._agents = PeerMonitor[AgentKey]("agent", is_restart=is_restarted_agent)
+        self._program_rate = RateLimiter()
+
+        self._features = self.advertise(topics.OBJECT_FEATURES)
+        self._info = self.advertise(topics.ARENA_INFO)
+        self._info.publish(encode_arena_info(self.arm.about))
+        self._status = topics.PROGRAM_STATUS.publisher(self)
+        self._samples = topics.SAMPLES.publisher(self)
+        self._markers = topics.MARKERS.publisher(self)
+        self.output = Output(self, self.arm)
+
+        self.subscribe(topics.JOINT_STATES, self._on_joints)
+        self.subscribe(topics.TF, self._on_transforms)
+        self.subscribe(topics.TF_STATIC, partial(self._on_transforms, static=True))
+        things = robot.objects.values()
+        self._classes = {t.detection: measured_frame(t.detection) for t in things if t.detection}
+        if self._classes:
+            self.subscribe(topics.DETECTIONS, self._on_detections)
+        for topic in {thing.topic for thing in things if thing.topic}:
+            self.subscribe(topics.tracked_pose(topic), partial(self._on_pose, topic))
+        self.subscribe(topics.PROGRAM, self._on_program)
+        self.subscribe(topics.JOINT_COMMANDS, self._on_command)
+
+        period_s = robot.settings.period_s
+        steady_timer(self, period_s, self._observe)
+        steady_timer(self, period_s / WATCHES, self._watch)
+        steady_timer(self, SHOW_S, self._show)
+        sends = "sends nothing (dry_run)" if robot.settings.dry_run else "moves the arm when active"
+        self.get_logger().info(f"{self.config.robot}: {len(robot.objects)} objects; {sends}")
+
+    def deactivate(self) -> None:
+        self.output.rest()  # and `_watch` continues
+
+    def cleanup(self) -> None:
+        self.output.stop()
+
+    # What is measured
+
+    def _on_joints(self, message: Message) -> None:
+        state = decode_driver_joints(message, self.arm.joints.names)
+        if state is not None:
+            self.arm.joints.add(*state, time.monotonic())
+
+    def _on_transforms(self, message: Any, static: bool = False) -> None:
+        def place(one: Any) -> None:
+            self._place(decode_transform(one), static)
+
+        for one in message.transforms:  # a bad one doesn't spoil the others
+            self.refusals.guard("tf", place)(one)
+
+    def _on_detections(self, message: Message) -> None:
+        for measurement in decode_detections(message, self._classes):
+            self._place(measurement)
+
+    def _on_pose(self, topic: str, message: Message) -> None:
+        self._place(decode_tracked(message, measured_frame(topic)))
+
+    def _place(self, measurement: Measurement, static: bool = False) -> None:
+        parent, child, pose, stamp_ns = measurement
+        placed = Placed(pose) if static else Placed(pose, stamp_ns, time.monotonic())
+        self.arm.frames.add(parent, child, placed)
+
+    # A control step: observation out, command in
+
+    def _observe(self) -> None:
+        # Wall time, for people and recordings; it may be set back, and the stamp may not.
+        self._stamp_ns = max(time.time_ns(), self._stamp_ns + 1)
+        try:
+            self._step = self.arm.observe(time.monotonic(), self._stamp_ns)
+        except RobotError as error:
+            self._lose(error)
+            return
+        self._loss = None
+        if self.active:
+            self._features.publish(encode_step(self._step))
+
+    def _on_command(self, message: Message) -> None:
+        command = decode_command(message, len(self.arm.joints.names))
+        agent = AgentKey(command.agent_id, command.incarnation)
+        if not self._agents.received(agent, agent):
+            return  # the diagnostics name this second agent
+        if not self.active:
+            raise RobotError(f"expected an active robot_node, got {self.state}", "robot.inactive")
+        if self._loss is not None:
+            raise self._loss
+        velocity = self.arm.velocity(command, time.time_ns())
+        self._commanded_at = time.monotonic()
+        self.output.send(velocity)
+
+    def _watch(self) -> None:
+        """Let the arm rest when a measurement or the agent is lost, and while inactive."""
+        now = time.monotonic()
+        try:
+            self.arm.check(now)
+        except RobotError as error:
+            self._lose(error)
+        late = now - self._commanded_at > self.arm.settings.command_timeout_s
+        if late or self._loss is not None or not self.active:
+            self.output.rest()
+
+    def _lose(self, error: RobotError) -> None:
+        if self._loss is None and self.active:
+            self.refusals.refuse("the arm holds", error)
+        self._loss = error
+
+    def _on_program(self, message: Message) -> None:
+        request = decode_program(message)
+        self._program_rate.check()
+        name = self.get_fully_qualified_name()
+        status = answer_program(request, name, self._stamp_ns, self.arm.submit, self.refusals)
+        self._status.publish(encode_program_status(status))
+
+    # What people see
+
+    def _show(self) -> None:
+        if self._step is not None and self._samples.get_subscription_count():
+            self._samples.publish(encode_step(self._step))
+        if self._markers.get_subscription_count():
+            settings, arm = self.arm.settings, self.arm
+            box = settings.workspace.lower, settings.workspace.upper
+            moving = arm.hand_velocity(self.output.velocity)
+            shown = settings.base_frame, box, arm.measured, moving, time.time_ns()
+            self._markers.publish(encode_table(*shown))
+
+    @property
+    def trouble(self) -> str:
+        return str(self._loss or "")
+
+    def collect(self) -> tuple[int, str, dict[str, str]]:
+        values = {
+            "dry_run": str(self.arm.settings.dry_run).lower(),
+            "step": str(self._step.observation.step if self._step else -1),
+            "program": self.arm.program,
+        }
+        return *self._status_line(), values
+
+    def _status_line(self) -> tuple[int, str]:
+        if self._agents.fault:
+            return ERROR, self._agents.fault
+        if self._loss is not None:
+            return ERROR, f"holds: {self._loss}"
+        if not self.arm.program:
+            return OK, f"waits for a program ({topics.PROGRAM.name})"
+        if time.monotonic() - self._commanded_at > self.arm.settings.command_timeout_s:
+            return WARN, f"holds: no agent's command ({topics.JOINT_COMMANDS.name})"
+        return OK, "dry run: nothing is sent to the arm" if self.arm.settings.dry_run else "running"
