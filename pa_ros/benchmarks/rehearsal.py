@@ -12,11 +12,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.execution import HOLD_S, WINDOW_S, ExecutionWatch
-from pa_ros.arena import ReachTask
+from pa_ros.arena import ReachTask, scoring_of
+from pa_ros.arena.task import Verifier
 from pa_ros.core.experience import Step
 from pa_ros.core.extensions import load
 from pa_ros.core.text import Report
@@ -96,7 +98,7 @@ def _on_the_robot(simulated: Any, scenes: int, tags: bool) -> list[bool]:
         arm = simulated.ArmDriver()
         try:
             started = [subprocess.Popen([python, *command]) for command in commands]
-            return _execute(arm, scenes)
+            return _execute(simulated, arm, scenes)
         finally:
             for process in started:
                 process.terminate()
@@ -108,8 +110,11 @@ def _on_the_robot(simulated: Any, scenes: int, tags: bool) -> list[bool]:
             rclpy.shutdown()
 
 
-def _execute(arm: Any, scenes: int) -> list[bool]:
+def _execute(simulated: Any, arm: Any, scenes: int) -> list[bool]:
+    """Send each scene's program as a goal; whether the goal succeeded, and the hand truly was near:
+    the robot's own verdict is only as good as its measurements."""
     client, reached = GoalClient(arm), []
+    scoring = scoring_of(simulated.CONFIG, simulated.DESIGN)
     if not client.offered(START_S):
         raise SystemExit(f"expected an agent within {START_S:g} s, got none")
     for scene in range(scenes):
@@ -118,9 +123,17 @@ def _execute(arm: Any, scenes: int) -> list[bool]:
         started = time.monotonic()
         goal = ProgramGoal(_program(scene), WINDOW_S, HOLD_S)
         result = client.execute(goal, GOAL_S)
-        reached.append(result.success)
         took = time.monotonic() - started
-        print(f"scene {scene}: {goal.text}: {result.success} {took:.1f} s {result.reason}")
+        named = Verifier(
+            parse(goal.text, simulated.DESIGN.vocabulary), simulated.KINDS, scoring
+        ).named
+        hand, *objects = (
+            arm.arm.body(name).position for name in ("hand", *simulated.OBJECTS.values())
+        )
+        away = min(float(np.linalg.norm(objects[i - 1] - hand)) for i in named)
+        reached.append(result.success and away <= scoring.threshold("NEAR"))
+        told = "" if result.success else result.reason
+        print(f"scene {scene}: {goal.text}: {reached[-1]}, {took:.1f} s, {away:.3f} m {told}")
     client.close()
     return reached
 

@@ -1,0 +1,87 @@
+"""What robots' sensors send is read; what cannot be is rejected with the field's name."""
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, TransformStamped
+from sensor_msgs.msg import JointState
+from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesisWithPose
+from visualization_msgs.msg import Marker
+
+from helpers.rejections import rejected
+from pa_ros.wire.robot import (
+    decode_detections,
+    decode_driver_joints,
+    decode_tracked,
+    decode_transform,
+    encode_table,
+)
+
+HALF_TURN = [0.0, 0.0, 1.0, 0.0]
+
+
+def transform(**rotation: float) -> TransformStamped:
+    message = TransformStamped(child_frame_id="tag36h11:3")
+    message.header.frame_id, message.header.stamp.sec = "camera", 2
+    message.transform.translation.x = 0.5
+    for name, value in rotation.items():
+        setattr(message.transform.rotation, name, value)
+    return message
+
+
+def detection(kind: str, score: float, x: float, w: float = 1.0) -> Detection3D:
+    found = ObjectHypothesisWithPose()
+    found.hypothesis.class_id, found.hypothesis.score = kind, score
+    found.pose.pose.position.x, found.pose.pose.orientation.w = x, w
+    return Detection3D(results=[found])
+
+
+def test_a_transform_is_a_pose_of_its_child_in_its_parent():
+    parent, child, pose, stamp = decode_transform(transform(z=1.02, w=0.0))
+    assert (parent, child, stamp) == ("camera", "tag36h11:3", 2 * 10**9)
+    assert pose.tolist() == [0.5, 0.0, 0.0, *HALF_TURN]
+    with rejected("wire.range"):
+        decode_transform(transform(w=0.0))
+    with rejected("wire.non_finite"):
+        decode_transform(transform(x=float("nan")))
+
+
+def test_a_tracked_pose_gets_the_name_that_it_is_kept_under():
+    message = PoseStamped()
+    message.header.frame_id = "camera"
+    assert decode_tracked(message, "measured:cup")[:2] == ("camera", "measured:cup")
+
+
+def test_of_each_wanted_class_the_detection_with_the_highest_score_counts():
+    message = Detection3DArray()
+    message.header.frame_id = "camera"
+    seen = ("cup", 0.2, 1.0), ("cup", 0.9, 2.0), ("cup", 0.5, 3.0), ("dog", 1.0, 4.0)
+    message.detections = [detection(*one) for one in seen]
+    ((frame, name, pose, _),) = decode_detections(message, {"cup": "measured:cup"})
+    assert (frame, name, pose[0]) == ("camera", "measured:cup", 2.0)
+    message.detections = [detection("cup", 1.0, 0.0, w=0.0)]
+    with rejected("wire.range"):
+        decode_detections(message, {"cup": "x"})
+
+
+def test_joints_are_found_by_name_among_others():
+    message = JointState(name=["elbow", "thumb", "base"], position=[1.0, 2.0, 3.0])
+    message.velocity = [4.0, 5.0, 6.0]
+    position, velocity, _ = decode_driver_joints(message, ("base", "elbow"))
+    assert position.tolist() == [3.0, 1.0] and velocity.tolist() == [6.0, 4.0]
+    message.velocity = []
+    assert decode_driver_joints(message, ("base", "elbow"))[1] is None
+    assert decode_driver_joints(message, ("wrist",)) is None, "of a gripper"
+    with rejected("wire.joint_names"):
+        decode_driver_joints(message, ("base", "wrist"))
+    message.position = [1.0]
+    with rejected("wire.size"):
+        decode_driver_joints(message, ("base",))
+
+
+def test_markers_show_box_objects_and_where_the_hand_goes():
+    pose, box = np.array([1.0, 0, 0, 0, 0, 0, 1.0]), ([0.0, 0, 0], [2.0, 2, 2])
+    shown = encode_table("base", box, {"hand": pose}, np.array([0.4, 0, 0]), 5).markers
+    by_name = {marker.ns: marker for marker in shown}
+    assert by_name["workspace"].pose.position.y == 1.0 and by_name["workspace"].scale.x == 2.0
+    assert [point.x for point in by_name["motion"].points] == pytest.approx([1.0, 1.2])
+    assert {m.header.frame_id for m in shown} == {"base"} and shown[0].action == Marker.DELETEALL
