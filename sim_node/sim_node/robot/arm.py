@@ -16,13 +16,14 @@ from pa_ros.wire.arena import describe_robot
 from pa_ros.wire.program import ProgramRequest
 from pa_ros.wire.step import Command
 from pa_ros.world import reward_from
-from pa_ros.world.poses import in_base, objects_from_poses
+from pa_ros.world.poses import IDENTITY, in_base, objects_from_poses
 from sim_node.robot.frames import FrameTree, Placed, RobotError
 from sim_node.robot.guard import Guard
 from sim_node.robot.joints import JointHistory
 from sim_node.robot.settings import Robot, pose_of
 
 SLOW = 2.0  # command timeouts: one without commands takes the hand half of the way to the box
+AXES = np.hstack([np.eye(3), np.tile(IDENTITY[3:], (3, 1))])  # poses, [3, 7]
 HAND_M, HAND_RAD = 0.05, 0.2  # greatest differences of the measured hand and the model's
 
 
@@ -139,10 +140,10 @@ class RealArm:
             raise RobotError(f"{what}: expected at most {oldest_s:g} s old, got {age:.1f} s", code)
 
     def _check_model(self, position: Float64, hand: Float64) -> None:
-        place, axis, _ = self.model.hand(position)
-        apart = float(np.linalg.norm(place - hand[:3]))
-        measured_axis = in_base(hand, _UP)[:3] - hand[:3]
-        angle = float(np.arccos(np.clip(axis @ measured_axis, -1.0, 1.0)))
+        model = self.model.hand(position)
+        apart = float(np.linalg.norm(model.place - hand[:3]))
+        turn = in_base(hand, AXES)[:, :3] - hand[:3]  # the measured axes as rows
+        angle = float(np.arccos(np.clip((np.sum(turn * model.turn.T) - 1) / 2, -1.0, 1.0)))
         if apart > HAND_M or angle > HAND_RAD:
             raise RobotError(
                 f"the hand is {apart:.2f} m and {angle:.1f} rad from where the model of "
@@ -174,14 +175,11 @@ class RealArm:
         """The joint velocities [J] that the box allows at the newest observation; rad/s."""
         seen = self.seen
         assert seen is not None  # there is no command without an observation
-        place, _, jacobian = self.model.hand(seen.joint_position)
+        jacobian = self.model.hand(seen.joint_position).jacobian
         return self._guard.allowed(velocity, seen.joint_position, seen.hand_pose[:3], jacobian[:3])
 
     def hand_velocity(self, velocity: Float64) -> Float64:
         """The hand's velocity [3] (m/s, base's frame) at the newest observation."""
         if self.seen is None:
             return np.zeros(3)
-        return np.asarray(self.model.hand(self.seen.joint_position)[2][:3] @ velocity)
-
-
-_UP = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+        return np.asarray(self.model.hand(self.seen.joint_position).jacobian[:3] @ velocity)
