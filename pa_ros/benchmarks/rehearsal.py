@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from rclpy.action import ActionClient
 
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.execution import HOLD_S, WINDOW_S, ExecutionWatch
@@ -24,10 +25,10 @@ from pa_ros.core.extensions import load
 from pa_ros.core.text import Report
 from pa_ros.language import parse
 from pa_ros.learning.checkpoints import load_policy
+from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.executor import release, spin_until
 from pa_ros.tools.domain import use_free_domain
-from pa_ros.tools.send import GoalClient
-from pa_ros.wire.program import ProgramGoal
+from pa_ros.wire.program import GoalResult, ProgramGoal, decode_goal_result, encode_goal
 
 EXAMPLES = Path(__file__).parents[2] / "docs/examples"
 AGENT = "shipped:3-D"
@@ -113,16 +114,16 @@ def _on_the_robot(simulated: Any, scenes: int, tags: bool) -> list[bool]:
 def _execute(simulated: Any, arm: Any, scenes: int) -> list[bool]:
     """Send each scene's program as a goal; whether the goal succeeded, and the hand truly was near:
     the robot's own verdict is only as good as its measurements."""
-    client, reached = GoalClient(arm), []
+    client, reached = ActionClient(arm, EXECUTE_PROGRAM[1], EXECUTE_PROGRAM[0]), []
     scoring = scoring_of(simulated.CONFIG, simulated.DESIGN)
-    if not client.offered(START_S):
+    if not spin_until(arm, client.server_is_ready, START_S):
         raise SystemExit(f"expected an agent within {START_S:g} s, got none")
     for scene in range(scenes):
         arm.place(scene)
         spin_until(arm, lambda: False, SETTLE_S)  # until the new scene is measured
         started = time.monotonic()
         goal = ProgramGoal(_program(scene), WINDOW_S, HOLD_S)
-        result = client.execute(goal, GOAL_S)
+        result = _result(arm, client, goal)
         took = time.monotonic() - started
         named = Verifier(
             parse(goal.text, simulated.DESIGN.vocabulary), simulated.KINDS, scoring
@@ -134,8 +135,22 @@ def _execute(simulated: Any, arm: Any, scenes: int) -> list[bool]:
         reached.append(result.success and away <= scoring.threshold("NEAR"))
         told = "" if result.success else result.reason
         print(f"scene {scene}: {goal.text}: {reached[-1]}, {took:.1f} s, {away:.3f} m {told}")
-    client.close()
+    client.destroy()
     return reached
+
+
+def _result(arm: Any, client: Any, goal: ProgramGoal) -> GoalResult:
+    """The result of a goal; an agent that knows no arena yet is asked again."""
+    until = time.monotonic() + GOAL_S
+    while True:
+        sent = client.send_goal_async(encode_goal(goal))
+        spin_until(arm, sent.done, GOAL_S)
+        ended = sent.result().get_result_async()
+        spin_until(arm, ended.done, GOAL_S)
+        result = decode_goal_result(ended.result().result)
+        if result.code != "goal.unready" or time.monotonic() > until:
+            return result
+        spin_until(arm, lambda: False, SETTLE_S)
 
 
 def _program(scene: int) -> str:

@@ -7,17 +7,19 @@ import yaml
 from lifecycle_msgs.msg import Transition
 
 from agent_node.config import AgentConfig
-from helpers.documents import COMMANDS, NODES, ROOT, Command
+from helpers.documents import ALL_NODES, COMMANDS, ROOT, Command
 from learner_node.config import LearnerNodeConfig
 from pa_ros.cli import main as cli
 from pa_ros.core.settings import Settings
 from pa_ros.ros import actions, topics
 from sim_node.config import SimConfig
+from sim_node.robot.node import RobotConfig
 
 CONFIGS: dict[str, type[Settings]] = {
     "sim_node": SimConfig,
     "agent_node": AgentConfig,
     "learner_node": LearnerNodeConfig,
+    "robot_node": RobotConfig,
 }
 ACTIONS = dict([actions.EXECUTE_PROGRAM, actions.SIMULATE_STEPS])
 
@@ -58,7 +60,7 @@ def test_make_has_the_target(command: Command):
     assert wanted and all(re.fullmatch(known, word) for word in wanted)
 
 
-@of(*NODES)
+@of(*ALL_NODES)
 def test_a_nodes_parameters_and_files_are_there(command: Command):
     assert command.words[1] == "--ros-args"
     for option, value in zip(command.words[2::2], command.words[3::2], strict=True):
@@ -107,7 +109,7 @@ def test_what_a_stock_tool_is_told_is_of_the_graph(command: Command):
         return
     if kind == "lifecycle":
         node, transition = given
-        assert verb == "set" and node.strip("/") in NODES
+        assert verb == "set" and node.strip("/") in ALL_NODES
         assert hasattr(Transition, f"TRANSITION_{transition.upper()}")
         return
     name = next(word for word in given if word.startswith("/"))

@@ -10,9 +10,10 @@ ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / name for name in ("README.md", "RESULTS.md", "FAULTS.md")] + sorted(
     ROOT.glob("docs/*.md")
 )
-NODES = ("sim_node", "agent_node", "learner_node")
+NODES = ("sim_node", "agent_node", "learner_node")  # each with a package of its name
+ALL_NODES = (*NODES, "robot_node")
 OTHERS = ("make", "ros2", "colcon", "python", "source", "export", "pip", "ray", "(umask")
-PROGRAMS = tuple(f"{name} " for name in ("pa_ros", *NODES, *OTHERS))
+PROGRAMS = tuple(f"{name} " for name in ("pa_ros", *ALL_NODES, *OTHERS))
 SHELLS = ("sh", "bash", "console")
 STUDIES = ("generalization", "equalities", "detectors", "variants")
 FENCED = re.compile(r"^( *)```(.*)\n((?:.*\n)*?)\1```", re.MULTILINE)
