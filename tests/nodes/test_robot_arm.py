@@ -228,9 +228,8 @@ def test_the_shipped_agent_reaches_what_a_camera_finds_by_tags():
         assert observed.verdict.distance == pytest.approx(true, abs=0.03)
         if true < 0.08:
             break
-        plant.velocity = arm.allowed(
-            actor.act(observed.observation, program) * arm.about.speed_limits
-        )
+        wanted = actor.act(observed.observation, program) * arm.about.speed_limits
+        plant.velocity = arm.allowed(wanted.astype(np.float64))
         plant.advance(PERIOD_S)
     camera.close()
     assert true < 0.08
