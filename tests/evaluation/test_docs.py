@@ -15,6 +15,29 @@ def block_of(page: str) -> str:
     return str(block)
 
 
+def named_block(page: str, name: str) -> str:
+    """The block of a page under a comment with this name."""
+    (block,) = re.findall(
+        rf"<!-- test: {name} -->\n```python\n(.*?)```", (DOCS / page).read_text(), re.DOTALL
+    )
+    return str(block)
+
+
+def test_an_arena_is_stepped_and_explained_as_the_page_shows(capsys):
+    exec(named_block("python.md", "process"), {})
+    assert capsys.readouterr().out.startswith("True 0.")
+
+
+def test_training_in_python_works_as_the_pages_show(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    short = named_block("python.md", "train").replace("30_000", "100")
+    exec(short.replace("episodes=20", "episodes=1"), {})
+    rows = capsys.readouterr().out.splitlines()[-2:]
+    assert [row.rpartition(" ")[0] for row in rows] == ["NEAR(HAND, RED)", "NEAR(HAND, NOT(CUBE))"]
+    exec(named_block("learning.md", "loop").replace("30_000", "100"), {})
+    assert "'frames': 100" in capsys.readouterr().out
+
+
 def test_starting_scores_a_policy_on_all_conditions(capsys):
     exec(compile(block_of("starting.md"), "starting.md", "exec"), {})
     lines = capsys.readouterr().out.splitlines()

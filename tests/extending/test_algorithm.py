@@ -67,3 +67,30 @@ def test_its_settings_are_options_with_defaults_by_protocol() -> None:
     assert changed.flat()["learner.temperature"] == 0.3
     with pytest.raises(ConfigError, match="temperature"):
         ours.changed(**{"learner.temperature": 0})
+
+
+def test_an_algorithm_sees_later_rows_and_their_rewards(tmp_path: Path) -> None:
+    load_example("returns")
+    settings: dict[str, Any] = {"learner.steps": 3}
+    learner = trained(tmp_path, algorithm="returns", **settings)
+    engine: Any = learner.engine
+    seen: list[Any] = []
+
+    def step(x: Any) -> Any:
+        seen.append(x)
+        return x.reward.mean(), x.reward.mean()
+
+    engine.step = step
+    (batch,) = learner.batches(1)
+    engine.update(batch)
+    arrays, gamma = learner.replay.arrays, learner.config.updates.discount
+    assert batch.rows is not None
+    for b, row in enumerate(batch.rows):
+        rows = [row]
+        while len(rows) < 3 and not arrays["last"][learner.replay.following(rows[-1])]:
+            rows.append(learner.replay.following(rows[-1]))
+        rewards = [learner.rewards(np.array([r]), batch.program[b : b + 1])[0] for r in rows]
+        expected = sum(gamma**i * reward for i, reward in enumerate(rewards))
+        np.testing.assert_allclose(seen[0].reward[b], expected, rtol=1e-5)
+        np.testing.assert_allclose(seen[0].discount[b], gamma ** len(rows), rtol=1e-6)
+    np.testing.assert_array_equal(learner.rewards(batch.rows, batch.program), batch.reward)

@@ -44,6 +44,15 @@ def test_the_example_of_the_readme_and_of_help_succeeds(arm: Arm, capsys) -> Non
     assert capsys.readouterr().out.splitlines()[-1].startswith("True 0.")
 
 
+def test_the_page_on_python_shows_what_happens(arm: Arm, capsys) -> None:
+    page = (Path(__file__).parents[2] / "docs/python.md").read_text()
+    example = page.partition("<!-- test: arm -->\n```python\n")[2].partition("```")[0]
+    exec(example.replace('Arm.simulated("3-D", speed=2.0)', "Arm()", 1), {})
+    shown = capsys.readouterr().out
+    assert "did you mean RED?" in shown and "RED CUBE" in shown and shown.endswith("True\n")
+    arm.reset(0)
+
+
 def test_a_second_arm_joins_sees_the_table_and_executes(arm: Arm, capsys) -> None:
     with Arm() as other:
         print(other.scene())

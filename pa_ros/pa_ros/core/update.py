@@ -25,12 +25,15 @@ class Batch:
     program: NDArray[np.int32]  # [B, K], rows of the ProgramTable
     reward: Float32  # [B, K]
     discount: Float32  # [B]; γ, or 0 after a true termination
+    rows: NDArray[np.int64] | None = None  # [B], of the replay buffer, for engines that `attach`
 
 
 class Engine(Protocol):
     """An algorithm's actor, critics, their targets and optimizers, somewhere.
 
-    The targets start as copies. The table of programs may grow between updates.
+    The targets start as copies. The table of programs may grow between updates. An engine that
+    needs more than s and s' has a method `attach(learner)`, called once: the learner has the replay
+    buffer, whose rows `Batch.rows` are, and `rewards` (tests/extending/returns.py).
     """
 
     name: str

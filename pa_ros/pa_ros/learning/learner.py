@@ -17,7 +17,7 @@ from pa_ros.core.update import Batch, Engine
 from pa_ros.language import Program
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.errors import DivergedError
+from pa_ros.learning.errors import DivergedError, LearningError
 from pa_ros.learning.hindsight import Hindsight
 from pa_ros.learning.relabeling.all_goals import GoalMasks, Int32, Relabeler
 from pa_ros.learning.relabeling.property_dropout import PropertyDropout
@@ -122,6 +122,8 @@ class Learner:
         self.replay = ReplayBuffer(config.replay.capacity_frames, network.world, n_objects, goals)
         make_engine = ALGORITHMS[config.ALGORITHM].make_engine
         self.engine: Engine = make_engine(network, config, self.table, self.rng)
+        if attach := getattr(self.engine, "attach", None):
+            attach(self)
         kept = config.schedule.versions_kept
         self.published: deque[PolicySnapshot] = deque([self._snapshot(0)], maxlen=kept)
 
@@ -234,7 +236,24 @@ class Learner:
                 program=program[part],
                 reward=reward[part],
                 discount=discount[part],
+                rows=rows[0],
             )
+
+    def rewards(self, rows: Int64, program: Int32) -> Float32:
+        """Rewards [B, K] of the replay buffer's transitions `rows` [B], under programs [B, K] of a
+        batch.
+
+        Raises LearningError where programs move objects: hindsight moves the places of a
+        transition, and its reward is true of that alone.
+        """
+        if self._hindsight is not None:
+            raise LearningError("rewards: expected programs that move the hand alone")
+        following = self.replay.following(rows)
+        own = np.repeat(self.replay.arrays["reward"][rows, None], program.shape[1], 1)
+        if self._relabeler is None:
+            return own
+        acted = program == self.replay.arrays["program"][rows, None]
+        return np.where(acted, own, self._relabeler.rewards(program, self._masks(rows, following)))
 
     def snapshot(self) -> PolicySnapshot:
         """The newest published weights."""
@@ -285,12 +304,16 @@ class Learner:
         if self._relabeler is None:
             program, reward = program[:, None], reward[:, None]
         else:
-            rewards = arrays["goal_reward"][following] if self._relabeler.rewards_kept else None
-            # A transition is rewarded for the state that it leads to.
-            masks = GoalMasks(arrays["satisfied"][following], arrays["present"][index], rewards)
+            masks = self._masks(index, following)
             k = self.config.relabeling.programs_per_transition
             program, reward = self._relabeler.draw(self.rng, program, reward, masks, k)
         return np.ascontiguousarray(program), np.ascontiguousarray(reward)
+
+    def _masks(self, index: Int64, following: Int64) -> GoalMasks:
+        """What relabeling stored: a transition is rewarded for the state that it leads to."""
+        arrays = self.replay.arrays
+        rewards = arrays["goal_reward"][following] if "goal_reward" in arrays else None
+        return GoalMasks(arrays["satisfied"][following], arrays["present"][index], rewards)
 
     def _scenes(self, index: Int64, following: Int64) -> tuple[Float32, Float32, Float32, Float32]:
         """Objects and arm of rows, and of those that follow them. For so few rows `take` costs half

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -96,11 +95,11 @@ class TorchEngine(ABC):
 
     def update(self, batch: Batch) -> None:
         """One update. On a GPU it is queued: nothing here waits for it."""
-        tensors = {
-            field.name: torch.from_numpy(getattr(batch, field.name)).to(self.device)
-            for field in fields(batch)
+        floats = {
+            name: torch.from_numpy(getattr(batch, name)).to(self.device).to(self.dtype)
+            for name in Inputs._fields
+            if name != "goals"
         }
-        floats = {k: tensors[k].to(self.dtype) for k in Inputs._fields if k != "goals"}
         x = Inputs(**floats, goals=self.goals(batch.program))
         self._latest = self.step(x)
 

@@ -137,23 +137,26 @@ class Relabeler:
         Given the program that acted and its reward, [B], and the masks of the next rows. Programs
         present are drawn uniformly without replacement, and over again if they are fewer than K.
         """
-        satisfied, present = map(self._unpack, (masks.satisfied, masks.present))  # [B, P]
+        present = self._unpack(masks.present)  # [B, P]
         keys = rng.random(present.shape)
         order = np.argsort(np.where(present, keys, 2.0), axis=1)  # those present come first
         count = present.sum(1, keepdims=True)
         # Fewer than K are repeated in turn. Without any, the column is replaced below.
         column = np.arange(k) % np.maximum(count, 1)  # [B, K]
         other = np.take_along_axis(order, column, 1).astype(np.int32)
-        if self._values is None:
-            assert masks.rewards is not None
-            rewards = np.take_along_axis(masks.rewards, other, 1)
-        else:
-            no, yes = self._values
-            satisfying = np.take_along_axis(satisfied, other, 1)
-            rewards = np.where(satisfying, yes, no).astype(np.float32)
+        rewards = self.rewards(other, masks)
         program = np.where(count > 0, other, original[:, None])
         rewards = np.where(count > 0, rewards, reward[:, None])
         return program, rewards
+
+    def rewards(self, program: Int32, masks: GoalMasks) -> Float32:
+        """Rewards [B, K] of training programs [B, K], given the masks of the next rows."""
+        if self._values is None:
+            assert masks.rewards is not None
+            return np.asarray(np.take_along_axis(masks.rewards, program, 1))
+        no, yes = self._values
+        satisfying = np.take_along_axis(self._unpack(masks.satisfied), program, 1)
+        return np.asarray(np.where(satisfying, yes, no), np.float32)
 
     def _unpack(self, bits: UInt64) -> NDArray[np.bool_]:
         return np.asarray(bits[:, None] & self._bits != 0)
