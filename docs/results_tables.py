@@ -1,4 +1,5 @@
-"""Fill the tables of RESULTS.md and README.md from docs/results: `make results`.
+"""Fill the tables of RESULTS.md and README.md from docs/results, and write the model cards of the
+shipped agents: `make results`.
 
 A table lies between `<!-- results: NAME -->` and `<!-- end -->`; NAME is one of TABLES.
 """
@@ -15,6 +16,7 @@ from statistics import fmean, median
 
 import numpy as np
 
+from pa_ros.evaluation.cards import model_card, read_report
 from pa_ros.evaluation.detectors import Accuracy
 from pa_ros.evaluation.equalities import Difference
 from pa_ros.evaluation.experiments import SOLVED, SeedSummary
@@ -23,6 +25,7 @@ from pa_ros.evaluation.generalization_figures import in_words
 from pa_ros.evaluation.pushing import EndsRow
 from pa_ros.evaluation.tables import read_curves, read_rows, read_setting
 from pa_ros.evaluation.variants import Variant
+from pa_ros.learning.checkpoint_files import SHIPPED
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "docs/results"
@@ -446,8 +449,17 @@ def filled(text: str) -> str:
     return re.sub(r"(<!-- results: (\w+) -->)\n.*?<!-- end -->", fill, text, flags=re.DOTALL)
 
 
+def write_cards() -> None:
+    """The card of each shipped agent, from docs/results/shipped-NAME.json where that exists."""
+    for folder in sorted(path for path in SHIPPED.iterdir() if path.is_dir()):
+        report = RESULTS / f"shipped-{folder.name}.json"
+        card = model_card(folder, read_report(report) if report.exists() else None)
+        (folder / "README.md").write_text(card)
+
+
 def main() -> int:
-    """Rewrite the pages."""
+    """Rewrite the pages and the cards."""
+    write_cards()
     for page in PAGES:
         page.write_text(filled(page.read_text()))
     return 0

@@ -74,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
         report = _report(
             options, agent.design, agent.arena, agent.policy, drawn_from, agent.perception
         )
-        report = {**report, "eval.logic": agent.logic.name}
+        report = {**report, "eval.logic": agent.logic.name, "eval.weights": agent.digest}
     else:
         chosen = settings_from(options, EvaluationConfig)
         design, arena = chosen.design_of(), chosen.arena_config()
@@ -155,7 +155,7 @@ def _all_conditions(agent: TrainedAgent, options: argparse.Namespace) -> int:
                 f"eval.{condition}.{name}": values[name]
                 for name in ("normalized", "low", "high", "success_rate", "blind_normalized")
             }
-    report |= {"eval.logic": agent.logic.name}
+    report |= {"eval.logic": agent.logic.name, "eval.weights": agent.digest}
     write_report(options.json, report | _setting(options, agent.design, agent.arena))
     return 0
 

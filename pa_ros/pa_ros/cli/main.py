@@ -26,6 +26,7 @@ COMMANDS = {
     "train": ("pa_ros.cli.train", "train in one process, without ROS"),
     "experiment": ("pa_ros.cli.experiment", "train several seeds of one setting, or study them"),
     "ship": ("pa_ros.cli.ship", "add the policy of a run to the package"),
+    "export": ("pa_ros.cli.export", "an agent as an ONNX file or a model card"),
     "figures": ("pa_ros.cli.figures", "draw the tables of experiments"),
     "eval": ("pa_ros.cli.evaluate", "evaluate a checkpoint or a reference policy"),
     "film": ("pa_ros.cli.film", "an agent that executes six programs, as a film"),

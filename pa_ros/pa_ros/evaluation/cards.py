@@ -1,0 +1,142 @@
+"""Model cards: what an agent is, in YAML that model hubs read, and its measured scores."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.settings import read_json
+from pa_ros.core.text import Report
+from pa_ros.evaluation.agents import TrainedAgent, load_agent, trained
+from pa_ros.evaluation.generalization_figures import in_words
+from pa_ros.learning.checkpoints import read_metadata
+
+SHIPPED_SCORES = {"eval": "held_out.normalized", "train": "train.normalized"}  # by `pa_ros ship`
+
+
+def model_card(path: str | Path, report: Report | None = None) -> str:
+    """The card of a checkpoint, in Markdown with YAML before it.
+
+    `report` is what `pa_ros eval --condition all --json FILE` wrote for these weights; without it
+    the scores are those that `pa_ros ship` measured. Raises ConfigError for a report of other
+    weights, or if nothing was measured.
+    """
+    agent, values = load_agent(path), read_metadata(trained(Path(path)))
+    facts = values["extra"]
+    if report is not None and report.get("eval.weights") != agent.digest:
+        raise ConfigError(
+            f"card: expected scores of the weights {agent.digest}, got those of "
+            f"{report.get('eval.weights')}: measure {path} with pa_ros eval --condition all --json"
+        )
+    source: Mapping[str, Any] = facts if report is None else report
+    rows = _rows(source)
+    if not rows:
+        raise ConfigError(
+            f"card: expected measured scores, got none: run pa_ros eval --checkpoint {path} "
+            "--condition all --json FILE, then give --scores FILE"
+        )
+    episodes = source["episodes" if report is None else "eval.episodes"]
+    name = f"{agent.design.name}-{agent.arena.arm}-{agent.arena.preset}"
+    header = {
+        "license": "apache-2.0",
+        "library_name": "programmable-agents",
+        "pipeline_tag": "reinforcement-learning",
+        "tags": ["robotics", "ros2", "mujoco", "programmable-agents"],
+        "model-index": [
+            {"name": name, "results": [_result(agent, *row) for row in rows]},
+        ],
+    }
+    table = "".join(f"| {in_words(condition)} | {_cells(scores)} |\n" for condition, scores in rows)
+    return _TEXT.format(
+        yaml=yaml.safe_dump(header, sort_keys=False, width=1000),
+        name=name,
+        design=agent.design.name,
+        arm=agent.arena.arm,
+        preset=agent.arena.preset,
+        words=", ".join(agent.design.vocabulary.words),
+        relations=", ".join(agent.design.vocabulary.relations),
+        does="moves the arm and pushes blocks; it cannot grasp"
+        if agent.design.vocabulary.moves_objects
+        else "moves the hand; it cannot push or grasp",
+        table=table,
+        episodes=episodes,
+        versions=source["versions"],
+        frames=values["counters"]["frames"],
+        seed=facts.get("seed"),
+        algorithm=values["algorithm"],
+        programs="\n".join(f"- `{text}`" for text in values["programs"]),
+        weights=agent.digest,
+    )
+
+
+def read_report(path: Path) -> dict[str, Any]:
+    """A report that `pa_ros eval --json` wrote; ConfigError for any other file."""
+    try:
+        return dict(read_json(path.read_text()))
+    except (OSError, ValueError, TypeError) as error:
+        raise ConfigError(f"{path}: expected a report of pa_ros eval --json: {error}") from error
+
+
+def _rows(source: Mapping[str, Any]) -> list[tuple[str, dict[str, float]]]:
+    """Scores by condition, in the order of the source."""
+    shipped = {c: {"normalized": source[k]} for c, k in SHIPPED_SCORES.items() if k in source}
+    found: dict[str, dict[str, float]] = {}
+    for key, value in source.items():
+        if named := re.fullmatch(r"eval\.([\w-]+)\.(normalized|low|high|success_rate)", key):
+            found.setdefault(named[1], {})[named[2]] = float(value)
+    return [*(found or shipped).items()]
+
+
+def _result(agent: TrainedAgent, condition: str, scores: Mapping[str, float]) -> dict[str, Any]:
+    names = {"normalized": "normalized reward per step", "success_rate": "satisfied at the end"}
+    return {
+        "task": {"type": "reinforcement-learning", "name": "executing programs"},
+        "dataset": {"name": f"{agent.design.name}: {in_words(condition)}", "type": condition},
+        "metrics": [
+            {"type": kind, "name": name, "value": round(scores[kind], 4)}
+            for kind, name in names.items()
+            if kind in scores
+        ],
+    }
+
+
+def _cells(scores: Mapping[str, float]) -> str:
+    own = f"{scores['normalized']:.2f}"
+    if "low" in scores:
+        own += f" [{scores['low']:.2f}, {scores['high']:.2f}]"
+    return f"{own} | {scores['success_rate']:.0%}" if "success_rate" in scores else f"{own} | –"
+
+
+_TEXT = """---
+{yaml}---
+# {name}
+
+A programmable agent (Denil et al. 2017) for the simulated arm `{arm}` with the `{preset}` speeds.
+It executes programs over the words {words} and the relations {relations}. It {does}.
+
+## Scores
+
+Normalized reward per step: 0 is a random policy, 1 a script that knows the target, on the same
+{episodes} episodes of each row, which were not used in training; 95 % intervals where they are
+given. The last column is the share of episodes that end with the program satisfied. Measured in
+simulation, with {versions}.
+
+| Programs | Score | Satisfied |
+| --- | --- | --- |
+{table}
+## Training
+
+{frames:,} frames of design {design} by {algorithm}, seed {seed}, under these programs:
+
+{programs}
+
+## Use
+
+The weights are {weights}. `pa_ros.load_agent(PATH)` loads this folder, and `pa_ros export PATH
+--onnx FILE` writes an ONNX file. The agent was not tried on a real arm.
+"""

@@ -1,0 +1,272 @@
+"""Actors as ONNX files: weights, and what inputs and outputs mean, for programs without pa_ros.
+
+The graph is that of `pa_ros.networks.programmable`, with programs joined by MIN_MAX. A Loop
+executes a program's instructions, so programs of any length are inputs.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.files import written_beside
+from pa_ros.language import MIN_MAX, Program
+from pa_ros.language.flat import AND, NOT, OR, compile_program
+from pa_ros.networks.config import ACTORS, NetworkConfig
+from pa_ros.networks.detectors import sharpened
+from pa_ros.networks.parameters import NOTHING, Tensors
+from pa_ros.world.poses import POSE_WIDTH
+
+OPSET, IR_VERSION = 17, 8  # of 2022, so that older runtimes read the files
+LITTLE = 1e-4  # `programmable.LITTLE`, which needs torch
+
+
+def program_inputs(program: Program, network: NetworkConfig) -> dict[str, Any]:
+    """What a model takes for one program, as lists by name of the input, without the batch's axis.
+
+    Raises ProgramError for a word or relation that the network does not know.
+    """
+    vocabulary = network.vocabulary
+    flat = compile_program(program, vocabulary)
+    inputs: dict[str, Any] = {"program": [*map(list, zip(flat.op, flat.a, flat.b, strict=True))]}
+    if vocabulary.relation_inputs:
+        inputs["relation"] = vocabulary.relation_row[program.relation]
+    if vocabulary.moves_objects:
+        inputs["roles"] = [flat.moved, flat.target]
+    return inputs
+
+
+def meanings(network: NetworkConfig) -> dict[str, tuple[tuple[str | int, ...], str]]:
+    """Shape and meaning of each input, in order, and of the outputs `action` and `relevance`."""
+    world, vocabulary = network.world, network.vocabulary
+    joints, words = world.joints, len(vocabulary.words)
+    found: dict[str, tuple[tuple[str | int, ...], str]] = {
+        "objects": (
+            ("batch", "objects", world.object_features),
+            "the hand (position 0, quaternion 0 0 0 1, properties 0), then the blocks in any "
+            f"order; columns {' '.join(world.schema.feature_names)}; position in m and "
+            "orientation (qw >= 0) in the frame of the hand",
+        ),
+        "joint_position": (("batch", joints), "rad"),
+        "joint_velocity": (("batch", joints), "rad/s"),
+    }
+    if world.sees_hand_pose:
+        found["hand_pose"] = (("batch", POSE_WIDTH), "x y z qx qy qz qw, m, in the base's frame")
+    found["program"] = (
+        ("batch", "instructions", 3),
+        "int64 operation (0 NOT, 1 AND, 2 OR, 3 COPY: for padding), register a, register b; "
+        f"registers 0 to {words - 1} are {' '.join(vocabulary.words)}, {words} is HAND, and "
+        f"instruction k writes {words + 1} + k; see the metadata `programs`",
+    )
+    if vocabulary.relation_inputs:
+        found["relation"] = (("batch",), f"int64 number of {' '.join(vocabulary.relations)}")
+    if vocabulary.moves_objects:
+        found["roles"] = (("batch", 2), "int64 registers of what is moved and of the target")
+    action = "a share in [-1, 1] of each joint's speed limit"
+    if world.controller is not None:
+        action = (
+            "the hand's velocity away from the base's axis, about it and up, shares in [-1, 1] "
+            f"of {world.controller.hand_speed:g} m/s; pa_ros.world.controller makes joint "
+            "velocities of it"
+        )
+    found["action"] = (("batch", world.actions), action)
+    found["relevance"] = (("batch", "objects"), "p: the degree to which the program means each")
+    return found
+
+
+def write_onnx(
+    path: Path,
+    network: NetworkConfig,
+    tensors: Tensors,
+    programs: Iterable[Program],
+    about: Mapping[str, str],
+) -> None:
+    """Write an actor that is greedy and acts by MIN_MAX.
+
+    The file's metadata contains `about` and `programs`: compiled inputs by text, of these programs.
+    Raises ConfigError without the extra onnx, or for networks that take no programs.
+    """
+    if ACTORS[network.family] != "programmable":
+        raise ConfigError(
+            f"export: onnx: expected programmable networks, got {network.family}, which has no "
+            "learned detectors that execute programs"
+        )
+    try:
+        from onnx import TensorProto, checker, helper, save
+    except ImportError as error:
+        raise ConfigError(
+            'export: expected the extra onnx (pip install "programmable-agents[onnx]"), got: '
+            f"{error}"
+        ) from error
+    graph = _Graph()
+    action, relevance = _actor(graph, network, sharpened(tensors, MIN_MAX))
+    inputs: list[Any] = []
+    outputs: list[Any] = []
+    for name, (shape, meaning) in meanings(network).items():
+        output = name in ("action", "relevance")
+        integers = name in ("program", "relation", "roles")
+        kind = TensorProto.INT64 if integers else TensorProto.FLOAT
+        described = helper.make_tensor_value_info(name, kind, shape, meaning)
+        (outputs if output else inputs).append(described)
+    graph.nodes.append(helper.make_node("Identity", [action], ["action"]))
+    graph.nodes.append(helper.make_node("Identity", [relevance], ["relevance"]))
+    body = helper.make_graph(
+        graph.nodes, "actor", inputs, outputs, graph.constants, "docs/onnx.md of pa_ros"
+    )
+    opset = helper.make_opsetid("", OPSET)
+    model = helper.make_model(body, opset_imports=[opset], ir_version=IR_VERSION)
+    compiled = {str(program): program_inputs(program, network) for program in programs}
+    helper.set_model_props(model, {**about, "programs": json.dumps(compiled)})
+    checker.check_model(model, full_check=True)
+    with written_beside(path) as beside:
+        save(model, str(beside))
+
+
+class _Graph:
+    """Nodes so far. Calling it adds one and returns the name of its output."""
+
+    def __init__(self, prefix: str = "") -> None:
+        self.prefix = prefix  # a loop's body sees the names outside, so its own must differ
+        self.nodes: list[Any] = []
+        self.constants: list[Any] = []
+
+    def __call__(self, op: str, *inputs: Any, outputs: int = 1, **attributes: Any) -> Any:
+        """Add a node; inputs that are no names become constants."""
+        from onnx import helper
+
+        names = [x if isinstance(x, str) else self.constant(x) for x in inputs]
+        made = [f"{self.prefix}{op.lower()}_{len(self.nodes)}_{k}" for k in range(outputs)]
+        self.nodes.append(helper.make_node(op, names, made, **attributes))
+        return made[0] if outputs == 1 else made
+
+    def constant(self, value: Any) -> str:
+        """A constant: integers as int64, other numbers as float32."""
+        from onnx import numpy_helper
+
+        array = np.asarray(value)
+        array = array.astype(np.int64 if array.dtype.kind == "i" else np.float32)
+        name = f"{self.prefix}constant_{len(self.constants)}"
+        self.constants.append(numpy_helper.from_array(array, name))
+        return name
+
+
+def _actor(g: _Graph, network: NetworkConfig, tensors: Tensors) -> tuple[str, str]:
+    """The action and p; the names and comments are those of `programmable.Trunk`."""
+
+    def linear(name: str, x: str) -> str:
+        return str(g("Add", g("MatMul", x, tensors[f"{name}.weight"].T), tensors[f"{name}.bias"]))
+
+    def tanh_linear(name: str, x: str) -> str:
+        return str(g("Tanh", linear(name, x)))
+
+    world = network.world
+    joints = [g("Sin", "joint_position"), g("Cos", "joint_position"), "joint_velocity"]
+    arm = g("Concat", *joints, *["hand_pose"] * world.sees_hand_pose, axis=-1)  # [B, A]
+    batch, count = g("Shape", "objects", start=0, end=1), g("Shape", "objects", start=1, end=2)
+    shape = g("Concat", batch, count, [world.arm_features], axis=0)
+    scale = world.schema.scales.copy()
+    scale[:3] = network.position_scale
+    arms = g("Expand", g("Unsqueeze", arm, [1]), shape)
+    columns = g("Concat", g("Mul", "objects", scale), arms, axis=-1)  # ω, [B, N, C]
+    registers = _registers(g, network, linear("detectors", columns), batch, count)
+    p = g("Gather", registers, np.int64(-1), axis=1)  # [B, N]
+    receivers, senders = _shares(g, network, registers) if "roles" in meanings(network) else (p, p)
+
+    seen = np.ones(world.columns, np.float32)
+    if not network.relations_see_properties:
+        seen[world.schema.properties] = 0.0
+    columns = g("Mul", columns, seen)
+    queries = g("Unsqueeze", linear("query", columns), [2])
+    pairs = g("Add", queries, g("Unsqueeze", linear("context", columns), [1]))
+    scores = g("MatMul", g("Tanh", pairs), tensors["attention.weight"])  # [B, N, N]
+    scores = g("Exp", g("Sub", scores, g("ReduceMax", scores, axes=[-1], keepdims=1)))
+    numbers = g("Range", np.int64(0), g("Squeeze", count), np.int64(1))  # [N]
+    own = g("Equal", numbers, g("Unsqueeze", numbers, [1]))  # the diagonal, [N, N]
+    scores = g("Mul", scores, g("Where", own, np.float32(network.self_weight), np.float32(1)))
+    weights = g("Mul", g("Unsqueeze", senders, [1]), scores)
+    total = g("ReduceSum", weights, [-1], keepdims=1)
+    alpha = g("Div", weights, g("Max", total, np.float32(NOTHING)))
+    weights = g("Mul", g("Unsqueeze", receivers, [2]), alpha)  # p_i α_ij, [B, N, N]
+
+    receiving, sending = np.hsplit(tensors["message.0.weight"], 2)
+    received = g("Add", g("MatMul", columns, receiving.T), tensors["message.0.bias"])
+    sent = g("MatMul", columns, sending.T)
+    sums = g("Add", g("Unsqueeze", received, [2]), g("Unsqueeze", sent, [1]))  # [B, N, N, H]
+    if "relation.weight" in tensors:
+        added = g("Gather", tensors["relation.weight"].T, "relation", axis=0)  # [B, H]
+        sums = g("Add", sums, g("Unsqueeze", added, [1, 2]))
+    messages = g("Mul", g("Tanh", sums), g("Unsqueeze", weights, [3]))
+    r = g("ReduceSum", messages, [1, 2], keepdims=0)  # [B, H]
+    local = g("Mul", tanh_linear("local.0", columns), g("Unsqueeze", receivers, [2]))
+    f = g("ReduceSum", local, [1], keepdims=0)
+    h = g(
+        "Sum",
+        g("MatMul", f, tensors["local.1.weight"].T),
+        g("MatMul", r, tensors["message.1.weight"].T),
+        g(
+            "Mul",
+            g("ReduceSum", receivers, [1], keepdims=1),
+            tensors["local.1.bias"] + tensors["message.1.bias"],
+        ),
+    )
+    z = g("Tanh", h)
+    for layer in range(network.upper_layers):
+        z = tanh_linear(f"upper.{layer}", z)
+    return tanh_linear("output", z), p
+
+
+def _registers(g: _Graph, network: NetworkConfig, logits: str, batch: str, count: str) -> str:
+    """All registers of each program, [B, V + 1 + L, N], of the detectors' logits [B, N, V]."""
+    from onnx import TensorProto, helper
+
+    sizes = network.vocabulary.group_sizes
+    groups = g("Split", logits, np.array(sizes), axis=-1, outputs=len(sizes))
+    softmax = [g("Softmax", group, axis=-1) for group in ([groups] if len(sizes) == 1 else groups)]
+    phi = g("Transpose", g("Concat", *softmax, axis=-1), perm=[0, 2, 1])
+    one = g("Constant", value=helper.make_tensor("", TensorProto.FLOAT, [1], [1.0]))
+    zeros = g("Sub", count, [1])
+    others = g("ConstantOfShape", zeros)
+    hand = g("Expand", g("Concat", one, others, axis=0), g("Concat", batch, [1], count, axis=0))
+    start = g("Concat", phi, hand, axis=1)  # [B, V + 1, N]
+
+    body = _Graph("body_")
+    code = body("Gather", "program", "k", axis=1)  # [B, 3]
+    wanted = body("Concat", batch, [2], count, axis=0)
+    sources = body("Unsqueeze", body("Slice", code, [1], [3], [1]), [2])
+    both = body("GatherElements", "registers", body("Expand", sources, wanted), axis=1)
+    x, y = body("Split", both, [1, 1], axis=1, outputs=2)
+    op = body("Unsqueeze", body("Slice", code, [0], [1], [1]), [2])  # [B, 1, 1]
+    result = body("Where", body("Equal", op, np.int64(NOT)), body("Sub", np.float32(1), x), x)
+    result = body("Where", body("Equal", op, np.int64(AND)), body("Min", x, y), result)
+    result = body("Where", body("Equal", op, np.int64(OR)), body("Max", x, y), result)
+    body.nodes += [
+        helper.make_node("Concat", ["registers", result], ["registers_after"], axis=1),
+        helper.make_node("Identity", ["condition"], ["condition_after"]),
+    ]
+    rows = ("batch", None, "objects")
+    flag, number, numbers = TensorProto.BOOL, TensorProto.INT64, TensorProto.FLOAT
+    info = helper.make_tensor_value_info
+    before = [info("k", number, []), info("condition", flag, []), info("registers", numbers, rows)]
+    after = [info("condition_after", flag, []), info("registers_after", numbers, rows)]
+    step = helper.make_graph(body.nodes, "instruction", before, after, body.constants)
+    length = g("Squeeze", g("Shape", "program", start=1, end=2))
+    return str(g("Loop", length, "", start, body=step))
+
+
+def _shares(g: _Graph, network: NetworkConfig, registers: str) -> tuple[str, str]:
+    """How much each object receives and sends messages, where programs move objects: [B, N]."""
+    roles = g("Unsqueeze", "roles", [2])  # [B, 2, 1]
+    count = g("Shape", registers, start=2, end=3)
+    shape = g("Concat", g("Shape", registers, start=0, end=1), [2], count, axis=0)
+    chosen = g("GatherElements", registers, g("Expand", roles, shape), axis=1)  # [B, 2, N]
+    other = g("Greater", g("Range", np.int64(0), g("Squeeze", count), np.int64(1)), np.int64(0))
+    kept = g("Or", other, g("Equal", roles, np.int64(len(network.vocabulary.words))))
+    sets = g("Where", kept, chosen, np.float32(0))
+    total = g("Add", g("ReduceSum", sets, [2], keepdims=1), np.float32(LITTLE))
+    moved, target = g("Split", g("Div", sets, total), [1, 1], axis=1, outputs=2)
+    return str(g("Squeeze", moved, [1])), str(g("Squeeze", target, [1]))

@@ -1,0 +1,126 @@
+"""Agents for others: ONNX files that act as the agent does, and model cards of measured scores."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from pa_ros.acting.actor import Actor
+from pa_ros.arena import conditions_for, design_named, preset_named, world_of
+from pa_ros.cli.main import main
+from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import PolicySnapshot
+from pa_ros.evaluation.agents import TrainedAgent, load_agent
+from pa_ros.evaluation.cards import model_card
+from pa_ros.evaluation.export import PARITY, export_onnx, observations
+from pa_ros.language import parse
+from pa_ros.learning.checkpoint_files import SHIPPED
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.parameters import initial_actor
+
+RESULTS = Path(__file__).parents[2] / "docs/results"
+pytest.importorskip("onnxruntime", reason="the extra `onnx` is not installed")
+onnx = pytest.importorskip("onnx", reason="the extra `onnx` is not installed")
+
+
+def agent_of(design: str, relations=("NEAR",), **network: object) -> TrainedAgent:
+    """An agent of random weights that are as large as trained ones."""
+    blocks = design_named(design).with_relations(*relations)
+    arena = preset_named(blocks.preset)
+    config = NetworkConfig(world=world_of(arena, blocks), hidden=12, attention=5).changed(**network)
+    tensors = {k: 3 * v for k, v in initial_actor(config, np.random.default_rng(0)).items()}
+    snapshot = PolicySnapshot(1, config.architecture, config.world.digest, tensors)
+    return TrainedAgent(snapshot, blocks, arena)
+
+
+@pytest.mark.parametrize(
+    "agent",
+    [
+        load_agent("shipped:3-D"),
+        agent_of("2-L", ("NEAR", "ABOVE", "LEFT_OF"), actor_output_scale=0.5),
+        agent_of("push-2", upper_layers=2, self_weight=0.03, actor_output_scale=0.5),
+    ],
+    ids=["shipped", "relations", "pushing"],
+)
+def test_the_onnx_file_acts_as_the_agent_on_a_thousand_observations(agent, tmp_path):
+    path = tmp_path / "actor.onnx"
+    assert 0 < export_onnx(agent, path) <= PARITY
+
+
+def test_the_file_alone_says_how_to_execute_a_program(tmp_path):
+    from onnxruntime import InferenceSession
+
+    agent, path = load_agent("shipped:2-L"), tmp_path / "actor.onnx"
+    text = "NEAR(HAND, AND(BLUE, NOT(CUBE)))"
+    assert main(["export", "shipped:2-L", "--onnx", str(path), "--program", text]) == 0
+    session = InferenceSession(str(path))
+    about = session.get_modelmeta().custom_metadata_map
+    program = json.loads(about["programs"])[text]
+    assert json.loads(about["joint_speed_limits"]) == list(agent.arena.joint_speed_limits)
+    seen, _ = next(observations(agent, 1))
+    feeds = {
+        "objects": [seen.objects] * 2,
+        "joint_position": [seen.joint_position] * 2,
+        "joint_velocity": [seen.joint_velocity] * 2,
+    }
+    codes = {name: np.array([code] * 2, np.int64) for name, code in program.items()}
+    feeds = {name: np.array(value, np.float32) for name, value in feeds.items()}
+    action, relevance = session.run(None, {**feeds, **codes})
+    actor, parsed = Actor.of(agent.snapshot), parse(text, agent.design.vocabulary)
+    np.testing.assert_allclose(action, [actor.act(seen, parsed)] * 2, atol=PARITY)
+    np.testing.assert_allclose(relevance, [actor.relevance(seen, parsed)] * 2, atol=PARITY)
+    described = {value.name: value.doc_string for value in onnx.load(path).graph.input}
+    assert "in the frame of the hand" in described["objects"] and all(described.values())
+
+
+def test_networks_without_programs_are_rejected_in_one_line(tmp_path):
+    with pytest.raises(ConfigError, match="expected programmable networks, got canonical"):
+        export_onnx(agent_of("2-L", family="canonical"), tmp_path / "actor.onnx")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_difference_from_the_agent_is_an_error(tmp_path, monkeypatch):
+    from pa_ros.networks import onnx_file
+
+    monkeypatch.setattr(onnx_file, "sharpened", lambda tensors, logic: tensors)
+    with pytest.raises(ConfigError, match="do not use this file"):
+        export_onnx(load_agent("shipped:2-L"), tmp_path / "actor.onnx")
+
+
+def test_observations_show_all_conditions_of_the_design():
+    agent = load_agent("shipped:2-L")
+    found = [*observations(agent, 200)]
+    programs = {str(program) for _, program in found}
+    assert len(found) == 200 and len({len(seen.objects) for seen, _ in found}) == 3
+    assert len(programs) > len(conditions_for(agent.design)) / 2
+
+
+# Model cards
+
+
+@pytest.mark.parametrize("name", sorted(folder.name for folder in SHIPPED.iterdir()))
+def test_the_card_of_a_shipped_agent_is_made_from_its_recorded_scores(name):
+    recorded = RESULTS / f"shipped-{name}.json"
+    report = json.loads(recorded.read_text()) if recorded.exists() else None
+    assert (SHIPPED / name / "README.md").read_text() == model_card(f"shipped:{name}", report)
+
+
+def test_a_card_has_scores_that_a_hub_reads(tmp_path):
+    agent = load_agent("shipped:2-L")
+    report = {"eval.eval.normalized": 0.25, "eval.eval.success_rate": 0.5, "versions": "software 1",
+              "eval.episodes": 7, "eval.weights": agent.digest}  # fmt: skip
+    scores, card = tmp_path / "scores.json", tmp_path / "card.md"
+    scores.write_text(json.dumps(report))
+    given = ["--card", str(card), "--scores", str(scores)]
+    assert main(["export", "shipped:2-L", *given]) == 0
+    header = yaml.safe_load(card.read_text().split("---\n")[1])
+    (result,) = header["model-index"][0]["results"]
+    assert result["dataset"]["type"] == "eval"
+    assert [metric["value"] for metric in result["metrics"]] == [0.25, 0.5]
+    assert "| held-out programs | 0.25 | 50% |" in card.read_text()
+    scores.write_text(json.dumps(report | {"eval.weights": "another"}))
+    assert main(["export", "shipped:3-D", *given]) == 2
+    with pytest.raises(ConfigError, match="expected measured scores, got none"):
+        model_card("shipped:2-L", {"eval.weights": agent.digest})
