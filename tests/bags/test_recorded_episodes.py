@@ -158,7 +158,7 @@ def test_parquet_holds_the_same_numbers_with_a_row_per_step(stepped, tmp_path):
         (["--out", "OUT", "--format", "parquet"], "programmable-agents[parquet]"),
         (["--rerun", "OUT.rrd"], "expected the extra rerun (pip install"),
         (["--rerun", "OUT.rrd", "--format", "npz"], "expected --out with --format"),
-        ([], "expected one of --out DIR and --rerun FILE.rrd"),
+        ([], "expected one of --out DIR, --rerun FILE.rrd"),
         (["--out", "OUT", "--episodes", "99"], "does not contain episodes [99]; 0 others"),
     ],
 )

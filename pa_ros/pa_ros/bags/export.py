@@ -67,19 +67,25 @@ def export(
     return len(rows)
 
 
-def _writer(kind: str) -> Write:
-    if kind not in KINDS:
-        raise ConfigError(f"export: expected one of {', '.join(KINDS)}, got {kind!r}")
-    if kind == "npz":
-        return lambda path, arrays: np.savez_compressed(path, **arrays)  # type: ignore[arg-type]
+def pyarrow_with_parquet(what: str) -> Any:
+    """The package pyarrow. ConfigError without the extra parquet; `what` begins its text."""
     try:
         import pyarrow
         import pyarrow.parquet
     except ImportError as error:
         raise ConfigError(
-            "export: parquet: expected the extra parquet (pip install "
+            f"{what}: expected the extra parquet (pip install "
             f'"programmable-agents[parquet]"), got: {error}'
         ) from error
+    return pyarrow
+
+
+def _writer(kind: str) -> Write:
+    if kind not in KINDS:
+        raise ConfigError(f"export: expected one of {', '.join(KINDS)}, got {kind!r}")
+    if kind == "npz":
+        return lambda path, arrays: np.savez_compressed(path, **arrays)  # type: ignore[arg-type]
+    pyarrow = pyarrow_with_parquet("export: parquet")
 
     def write(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Write a row for each step; arrays of several axes become lists, flattened by row."""

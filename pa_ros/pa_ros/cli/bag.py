@@ -20,10 +20,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros bag`."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     info = actions.add_parser("info", help="episodes, programs, scores, versions, gaps")
-    export = actions.add_parser("export", help="episodes as NPZ or Parquet, and a table of them")
+    export = actions.add_parser("export", help="episodes as NPZ, Parquet, for Rerun or LeRobot")
     export.add_argument("--out", type=Path, metavar="DIR", help="for the files of --format")
     export.add_argument(
         "--rerun", type=file_to_write, metavar="FILE.rrd", help="all in one file for Rerun's viewer"
+    )
+    export.add_argument(
+        "--lerobot", type=file_to_write, metavar="DIR", help="a LeRobot v3 dataset in a new folder"
+    )
+    export.add_argument(
+        "--video", type=int, metavar="PIXELS", help="with --lerobot: films from above, so wide"
     )
     export.add_argument(
         "--episodes", type=int, nargs="+", metavar="N", help="numbers (default: all)"
@@ -58,10 +64,18 @@ def _export(bag: Bag, options: argparse.Namespace) -> int:
     from pa_ros.bags.episodes import episodes
     from pa_ros.bags.export import export
 
-    if (options.out is None) == (options.rerun is None):
-        raise ConfigError("export: expected one of --out DIR and --rerun FILE.rrd")
-    if options.rerun is not None and options.format is not None:
+    if sum(way is not None for way in (options.out, options.rerun, options.lerobot)) != 1:
+        raise ConfigError("export: expected one of --out DIR, --rerun FILE.rrd and --lerobot DIR")
+    if options.out is None and options.format is not None:
         raise ConfigError("export: expected --out with --format")
+    if options.lerobot is None and options.video is not None:
+        raise ConfigError("export: expected --lerobot with --video")
+    if options.video is not None and (options.video % 2 or not 32 <= options.video <= 2000):
+        raise ConfigError(
+            f"export: --video: expected an even number from 32 to 2000, got {options.video}"
+        )
+    if options.lerobot is not None:
+        return _export_lerobot(bag, options)
     if options.rerun is not None:
         return _export_rerun(bag, options)
     count = export(
@@ -78,6 +92,21 @@ def _export_rerun(bag: Bag, options: argparse.Namespace) -> int:
     count = write_rerun(Replay(bag, options.namespace), options.rerun, options.episodes)
     print(f"{count} episodes in {options.rerun}, described in docs/bags.md")
     return 0
+
+
+def _export_lerobot(bag: Bag, options: argparse.Namespace) -> int:
+    from pa_ros.bags.episodes import episodes
+    from pa_ros.bags.lerobot import export_lerobot
+
+    arenas = arenas_of(bag, options.namespace)
+    if not arenas:
+        raise ProvenanceError(f"bag: {bag.path}: no arena_info in it: which arena is unknown")
+    found = episodes(bag, options.namespace)
+    written = export_lerobot(found, arenas[-1], options.lerobot, options.episodes, options.video)
+    print(f"{written.episodes} episodes, {written.frames} frames in {options.lerobot}")
+    if written.left_out:
+        print(f"left out, because steps or actions are missing: {list(written.left_out)}")
+    return EXIT_PARTIAL if written.left_out else 0
 
 
 def _film(bag: Bag, options: argparse.Namespace) -> int:

@@ -1,0 +1,290 @@
+"""Recorded episodes as a LeRobot dataset, version 3: Parquet files, statistics and films.
+
+Layout: `data/…` has a row per frame, `meta/episodes/…` one per episode, `meta/tasks.parquet` the
+programs, `meta/stats.json` statistics and `meta/info.json`, which is written last, the description.
+Source: https://huggingface.co/docs/lerobot/lerobot-dataset-v3.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pa_ros.arena import ARMS
+from pa_ros.arena.movie import check_movie, write_movie
+from pa_ros.arena.render import draw
+from pa_ros.bags.episodes import RecordedEpisode
+from pa_ros.bags.errors import BagError
+from pa_ros.bags.export import pyarrow_with_parquet
+from pa_ros.bags.film import Stage
+from pa_ros.core.files import write_whole, written_beside
+from pa_ros.wire.arena import ArenaDescription
+
+VERSION = "v3.0"
+CHUNK = "chunk-{chunk_index:03d}/file-{file_index:03d}"
+PER_FILE = 500  # episodes of a file of data, some 25 MB
+PER_CHUNK = 1000  # files
+CAMERA = "observation.images.top"
+QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
+INDICES = ("timestamp", "frame_index", "episode_index", "index", "task_index")
+
+Columns = dict[str, NDArray[Any]]
+Statistics = dict[str, dict[str, list[Any]]]
+
+
+@dataclass(frozen=True)
+class Written:
+    """What an export wrote."""
+
+    episodes: int
+    frames: int
+    left_out: tuple[int, ...]  # numbers of episodes in which steps or actions are missing
+
+
+def export_lerobot(
+    found: Iterable[RecordedEpisode],
+    arena: ArenaDescription,
+    folder: Path,
+    numbers: Collection[int] | None = None,
+    side_px: int | None = None,
+) -> Written:
+    """Write a dataset; a frame is a control step and the action that answered it.
+
+    With `side_px` each episode gets a film of the table from above, drawn from the recorded states.
+    Raises BagError if the folder exists, if no episode can be written or the period is no whole
+    number of frames per second; ConfigError for a missing extra.
+    """
+    pyarrow_with_parquet("export: lerobot")
+    if side_px is not None:
+        check_movie(folder / "film.mp4")
+    if folder.exists():
+        raise BagError(f"export: {folder} already exists: name another folder")
+    fps = round(1 / arena.control_period)
+    if abs(fps * arena.control_period - 1) > 1e-6:
+        raise BagError(
+            "export: lerobot: expected a whole number of frames per second, got a period of "
+            f"{arena.control_period} s"
+        )
+    wanted = [episode for episode in found if numbers is None or episode.number in numbers]
+    chosen = [episode for episode in wanted if _whole(episode)]
+    left_out = tuple(episode.number for episode in wanted if not _whole(episode))
+    if not chosen:
+        raise BagError("export: expected whole episodes, got none", code="bag.foreign")
+    objects = max(len(row.objects) for episode in chosen for row in episode.rows)
+    tasks = {t: k for k, t in enumerate(dict.fromkeys(r.program for e in chosen for r in e.rows))}
+    start, rows, open_file = 0, list[dict[str, Any]](), list[Columns]()
+    for number, episode in enumerate(chosen):
+        columns = _columns(episode, objects)
+        frames = len(columns["action"])
+        columns |= {
+            "timestamp": (np.arange(frames) / fps).astype(np.float32),
+            "frame_index": np.arange(frames),
+            "episode_index": np.full(frames, number),
+            "index": np.arange(start, start + frames),
+            "task_index": np.array([tasks[row.program] for row in episode.rows[:-1]]),
+        }
+        statistics = {name: _statistics(values) for name, values in columns.items()}
+        file = number // PER_FILE
+        row = {
+            "episode_index": number,
+            "tasks": [*dict.fromkeys(row.program for row in episode.rows[:-1])],
+            "length": frames,
+            "dataset_from_index": start,
+            "dataset_to_index": start + frames,
+            **_place("data", file),
+            **_place("meta/episodes", 0),
+        }
+        if side_px is not None:
+            row |= _place(f"videos/{CAMERA}", number)
+            row |= {f"videos/{CAMERA}/from_timestamp": 0.0}
+            row |= {f"videos/{CAMERA}/to_timestamp": frames / fps}
+            film = folder / f"videos/{CAMERA}" / f"{_file(number)}.mp4"
+            statistics[CAMERA] = _film(film, episode, arena, side_px)
+        flat = {f"stats/{n}/{k}": v for n, found in statistics.items() for k, v in found.items()}
+        rows.append({**row, **flat})
+        open_file.append(columns)
+        start += frames
+        if number + 1 == len(chosen) or (number + 1) % PER_FILE == 0:
+            joined = {name: np.concatenate([c[name] for c in open_file]) for name in columns}
+            _write_table(folder / f"data/{_file(file)}.parquet", joined)
+            open_file.clear()
+    features = _features(columns, arena, side_px, fps)
+    _write_rows(folder / f"meta/episodes/{_file(0)}.parquet", rows)
+    _write_tasks(folder / "meta/tasks.parquet", tasks)
+    write_whole(folder / "meta/stats.json", json.dumps(_joined(rows), indent=1))
+    info = {
+        "codebase_version": VERSION,
+        "robot_type": arena.arm,
+        "total_episodes": len(chosen),
+        "total_frames": start,
+        "total_tasks": len(tasks),
+        "chunks_size": PER_CHUNK,
+        "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 200,
+        "fps": fps,
+        "splits": {"train": f"0:{len(chosen)}"},
+        "data_path": f"data/{CHUNK}.parquet",
+        "video_path": None if side_px is None else f"videos/{{video_key}}/{CHUNK}.mp4",
+        "features": features,
+    }
+    write_whole(folder / "meta/info.json", json.dumps(info, indent=1))
+    return Written(len(chosen), start, left_out)
+
+
+def _whole(episode: RecordedEpisode) -> bool:
+    """Whether no step is missing and each but the last has joints and an action."""
+    acted = all(len(row.action) and len(row.joint_position) for row in episode.rows[:-1])
+    return len(episode.rows) > 1 and not episode.missing and acted
+
+
+def _columns(episode: RecordedEpisode, objects: int) -> Columns:
+    """The frames of an episode; absent blocks are zero."""
+    taken, following = episode.rows[:-1], episode.rows[1:]
+    width = taken[0].objects.shape[1]
+    environment = np.zeros((len(taken), objects, width), np.float32)
+    for into, row in zip(environment, taken, strict=True):
+        into[: len(row.objects)] = row.objects
+    state = [np.concatenate([row.joint_position, row.joint_velocity]) for row in taken]
+    columns = {
+        "observation.state": np.array(state, np.float32),
+        "observation.environment_state": environment.reshape(len(taken), -1),
+        "action": np.array([row.action for row in taken], np.float32),
+        "next.done": np.arange(len(taken)) == len(taken) - 1,
+    }
+    reward = np.array([row.reward for row in following], np.float32)
+    return columns if np.isnan(reward).any() else {**columns, "next.reward": reward}
+
+
+def _features(
+    columns: Columns, arena: ArenaDescription, side_px: int | None, fps: int
+) -> dict[str, Any]:
+    joints = list(ARMS[arena.arm].joint_names)
+    width = arena.world.object_features
+    count = columns["observation.environment_state"].shape[1] // width
+    action = joints if arena.world.controller is None else ["outward", "left", "up"]
+    names = {
+        "observation.state": [f"{j}.{k}" for k in ("position", "velocity") for j in joints],
+        "observation.environment_state": [
+            f"object{i}.{name}" for i in range(count) for name in arena.world.schema.feature_names
+        ],
+        "action": action,
+    }
+    features: dict[str, Any] = {
+        name: {
+            "dtype": str(values.dtype),
+            "shape": list(values.shape[1:]) or [1],
+            "names": names.get(name),
+        }
+        for name, values in columns.items()
+    }
+    if side_px is not None:
+        about = {"codec": "h264", "pix_fmt": "yuv420p", "fps": fps, "height": side_px,
+                 "width": side_px, "channels": 3, "is_depth_map": False}  # fmt: skip
+        features[CAMERA] = {
+            "dtype": "video",
+            "shape": [side_px, side_px, 3],
+            "names": ["height", "width", "channels"],
+            "info": {**{f"video.{k}": v for k, v in about.items()}, "has_audio": False},
+        }
+    return features
+
+
+def _film(
+    path: Path, episode: RecordedEpisode, arena: ArenaDescription, side_px: int
+) -> dict[str, list[Any]]:
+    """Write the film of an episode's frames; returns the statistics of a tenth of its pictures."""
+    stage, sampled = Stage(episode, arena), list[NDArray[Any]]()
+
+    def pictures() -> Iterable[NDArray[np.uint8]]:
+        for k, row in enumerate(episode.rows[:-1]):
+            stage.show(row)
+            picture = draw(stage.task, side_px, rendered=False)
+            if k % 10 == 0:
+                sampled.append(picture.reshape(-1, 3) / 255.0)
+            yield picture
+
+    write_movie(path, pictures(), arena.control_period)
+    found = _statistics(np.concatenate(sampled))
+    shaped = {k: np.reshape(v, (3, 1, 1)).tolist() for k, v in found.items() if k != "count"}
+    return {**shaped, "count": [len(sampled)]}
+
+
+def _statistics(values: NDArray[Any]) -> dict[str, list[Any]]:
+    """Statistics over the first axis, for each element."""
+    flat = values.reshape(len(values), -1).astype(np.float64)
+    quantiles = np.quantile(flat, [*QUANTILES.values()], axis=0).tolist()
+    ends = {"min": flat.min(0), "max": flat.max(0), "mean": flat.mean(0), "std": flat.std(0)}
+    found = {name: value.tolist() for name, value in ends.items()}
+    return {**found, "count": [len(flat)], **dict(zip(QUANTILES, quantiles, strict=True))}
+
+
+def _joined(rows: list[dict[str, Any]]) -> Statistics:
+    """Statistics of all episodes, from those of each; quantiles are means, as LeRobot has them."""
+    features = [key.split("/")[1] for key in rows[0] if key.endswith("/count")]
+    joined: Statistics = {}
+    for name in features:
+        of = {
+            k: np.array([row[f"stats/{name}/{k}"] for row in rows], np.float64)
+            for k in ("min", "max", "mean", "std", "count", *QUANTILES)
+        }
+        shape = (-1, *[1] * (of["mean"].ndim - 1))
+        weights = of["count"].reshape(shape) / of["count"].sum()
+        mean = (weights * of["mean"]).sum(0)
+        variance = (weights * (of["std"] ** 2 + (of["mean"] - mean) ** 2)).sum(0)
+        joined[name] = {
+            "min": of["min"].min(0).tolist(),
+            "max": of["max"].max(0).tolist(),
+            "mean": mean.tolist(),
+            "std": np.sqrt(variance).tolist(),
+            "count": [int(of["count"].sum())],
+            **{k: (weights * of[k]).sum(0).tolist() for k in QUANTILES},
+        }
+    return joined
+
+
+def _file(number: int) -> str:
+    return CHUNK.format(chunk_index=number // PER_CHUNK, file_index=number % PER_CHUNK)
+
+
+def _place(prefix: str, number: int) -> dict[str, int]:
+    chunk, file = divmod(number, PER_CHUNK)
+    return {f"{prefix}/chunk_index": chunk, f"{prefix}/file_index": file}
+
+
+def _write_table(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+    pyarrow = pyarrow_with_parquet("export: lerobot")
+    arrays = {
+        name: values
+        if values.ndim == 1
+        else pyarrow.FixedSizeListArray.from_arrays(values.ravel(), values.shape[1])
+        for name, values in columns.items()
+    }
+    with written_beside(path) as beside:
+        pyarrow.parquet.write_table(pyarrow.table(arrays), beside)
+
+
+def _write_rows(path: Path, rows: list[dict[str, Any]]) -> None:
+    pyarrow = pyarrow_with_parquet("export: lerobot")
+    with written_beside(path) as beside:
+        pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows), beside)
+
+
+def _write_tasks(path: Path, tasks: Mapping[str, int]) -> None:
+    """Programs as the index of a table for pandas, which LeRobot reads it by."""
+    pyarrow = pyarrow_with_parquet("export: lerobot")
+    index = {"name": "task", "field_name": "task", "pandas_type": "unicode",
+             "numpy_type": "object", "metadata": None}  # fmt: skip
+    column = {"name": "task_index", "field_name": "task_index", "pandas_type": "int64",
+              "numpy_type": "int64", "metadata": None}  # fmt: skip
+    about = {"index_columns": ["task"], "column_indexes": [], "columns": [column, index]}
+    table = pyarrow.table({"task_index": [*tasks.values()], "task": [*tasks]})
+    with written_beside(path) as beside:
+        pyarrow.parquet.write_table(
+            table.replace_schema_metadata({"pandas": json.dumps(about)}), beside
+        )

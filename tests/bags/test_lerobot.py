@@ -1,0 +1,107 @@
+"""A LeRobot dataset, read as its documentation describes it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from helpers.recordings import STEPS, rewritten
+from pa_ros.bags.episodes import episodes
+from pa_ros.bags.reader import Bag
+from pa_ros.cli.main import main
+
+pytestmark = pytest.mark.xdist_group("recorded episodes")
+pq = pytest.importorskip("pyarrow.parquet", reason="the extra `parquet` is not installed")
+pandas = pytest.importorskip("pandas", reason="the extra `notebook` is not installed")
+CAMERA = "observation.images.top"
+
+
+@pytest.fixture(scope="module")
+def dataset(stepped, tmp_path_factory):
+    pytest.importorskip("av", reason="the extra `film` is not installed")
+    folder = tmp_path_factory.mktemp("lerobot") / "set"
+    assert main(["bag", "export", str(stepped), "--lerobot", str(folder), "--video", "32"]) == 0
+    return folder
+
+
+def described(folder):
+    return json.loads((folder / "meta/info.json").read_text())
+
+
+def test_frames_are_the_recorded_steps_with_the_actions_that_answered_them(dataset, stepped):
+    info = described(dataset)
+    assert (info["codebase_version"], info["fps"], info["robot_type"]) == ("v3.0", 10, "jaco")
+    with Bag(stepped) as bag:
+        recorded = [episode.arrays() for episode in episodes(bag)]
+    assert info["total_frames"] == len(recorded) * STEPS == 2 * STEPS
+    path = dataset / info["data_path"].format(chunk_index=0, file_index=0)
+    frames = pandas.read_parquet(path)
+    assert {*frames.columns} == {*info["features"]} - {CAMERA}
+    np.testing.assert_array_equal(frames["index"], np.arange(2 * STEPS))
+    expected = np.concatenate([arrays["action"][:-1] for arrays in recorded])
+    np.testing.assert_array_equal(np.stack(frames["action"]), expected)
+    rewards = np.concatenate([arrays["reward"][1:] for arrays in recorded])
+    np.testing.assert_array_equal(frames["next.reward"], rewards.astype(np.float32))
+    np.testing.assert_allclose(frames["timestamp"], frames["frame_index"] / 10, rtol=1e-6)
+    assert frames["next.done"].sum() == 2
+    for name, feature in info["features"].items():
+        if name != CAMERA:
+            one = np.asarray(frames[name][0])
+            assert (list(one.shape) or [1]) == feature["shape"], name
+            assert feature["names"] is None or len(feature["names"]) == one.size
+
+
+def test_episodes_say_where_their_frames_and_programs_are(dataset):
+    info = described(dataset)
+    rows = pq.read_table(dataset / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    tasks = pandas.read_parquet(dataset / "meta/tasks.parquet")
+    frames = pandas.read_parquet(dataset / "data/chunk-000/file-000.parquet")
+    assert len(rows) == info["total_episodes"] and len(tasks) == info["total_tasks"]
+    for row in rows:
+        own = frames[row["dataset_from_index"] : row["dataset_to_index"]]
+        assert len(own) == row["length"] and {*own["episode_index"]} == {row["episode_index"]}
+        assert {*own["task_index"]} == {*tasks.loc[row["tasks"]]["task_index"]}
+        assert row["tasks"][0].startswith("NEAR(HAND, ")
+
+
+def test_statistics_are_those_of_all_frames(dataset):
+    found = json.loads((dataset / "meta/stats.json").read_text())
+    frames = pandas.read_parquet(dataset / "data/chunk-000/file-000.parquet")
+    state = np.stack(frames["observation.state"]).astype(np.float64)
+    own = found["observation.state"]
+    for name, value in (("min", state.min(0)), ("max", state.max(0)), ("mean", state.mean(0)),
+                        ("std", state.std(0))):  # fmt: skip
+        np.testing.assert_allclose(own[name], value, atol=1e-9)
+    assert own["count"] == [len(frames)] and np.shape(found[CAMERA]["mean"]) == (3, 1, 1)
+
+
+def test_films_have_a_picture_for_each_frame(dataset):
+    import av
+
+    info = described(dataset)
+    assert info["features"][CAMERA]["shape"] == [32, 32, 3]
+    for row in pq.read_table(dataset / "meta/episodes/chunk-000/file-000.parquet").to_pylist():
+        place = {k: row[f"videos/{CAMERA}/{k}"] for k in ("chunk_index", "file_index")}
+        path = dataset / info["video_path"].format(video_key=CAMERA, **place)
+        with av.open(str(path)) as film:
+            times = [frame.time for frame in film.decode(video=0)]
+        np.testing.assert_allclose(times, np.arange(row["length"]) / 10)
+
+
+def test_episodes_with_missing_steps_or_actions_are_left_out(changing, stepped, tmp_path, capsys):
+    assert main(["bag", "export", str(changing), "--lerobot", str(tmp_path / "changing")]) == 2
+    assert "expected whole episodes, got none" in capsys.readouterr().err  # nobody acted there
+    cut = rewritten(
+        stepped,
+        tmp_path / "cut",
+        lambda topic, m: [] if topic == "/object_features" and lost(m) else [m],
+    )
+    assert main(["bag", "export", str(cut), "--lerobot", str(tmp_path / "set")]) == 1
+    assert "left out, because steps or actions are missing: [7]" in capsys.readouterr().out
+    assert described(tmp_path / "set")["total_episodes"] == 1
+    assert main(["bag", "export", str(stepped), "--lerobot", str(tmp_path / "set")]) == 2
+    assert "expected a file to write, got a folder" in capsys.readouterr().err
+
+
+def lost(message) -> bool:
+    return message.step == 4 and not message.evaluation
