@@ -147,3 +147,15 @@ def test_a_terminal_without_our_letters_gets_all_the_same_what_is_said():
     )
     assert said.returncode == 0 and said.stderr == b""
     assert b"usage: pa_ros train" in said.stdout and b"\\u2026" in said.stdout
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [("pa_ros exp", {"experiment", "export"}), ("pa_ros export 3-D --ca", {"--card"})],
+)
+def test_a_shell_completes_commands_and_their_options(line, expected, tmp_path):
+    answer = tmp_path / "answer"
+    asked = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_STDOUT_FILENAME": str(answer)}
+    asked |= {"_ARGCOMPLETE_IFS": "\n", "COMP_LINE": line, "COMP_POINT": str(len(line))}
+    subprocess.run([sys.executable, "-m", "pa_ros"], env={**os.environ, **asked}, check=True)
+    assert {word.strip() for word in answer.read_text().split("\n")} == expected

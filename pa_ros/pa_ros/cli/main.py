@@ -105,8 +105,19 @@ def _run(arguments: Sequence[str], chosen: str | None) -> int:
     return int(importlib.import_module(COMMANDS[options.command][0]).run(options))
 
 
+def complete() -> None:
+    """Answer a shell that asks for completions (argcomplete); the process then ends."""
+    if "_ARGCOMPLETE" not in os.environ:
+        return
+    import argcomplete
+
+    words = os.environ.get("COMP_LINE", "").split()
+    argcomplete.autocomplete(build_parser(next((w for w in words if w in COMMANDS), None)))
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one subcommand; returns its exit status (2: the input was refused)."""
+    complete()
     arguments = list(sys.argv[1:] if argv is None else argv)
     # The command is looked for before parsing, because the parser imports only its module.
     chosen = next((a for a in arguments if a in COMMANDS), None)
