@@ -1,6 +1,7 @@
 """Agents for others: ONNX files that act as the agent does, and model cards of measured scores."""
 
 import json
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +22,9 @@ from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor
 
 RESULTS = Path(__file__).parents[2] / "docs/results"
-pytest.importorskip("onnxruntime", reason="the extra `onnx` is not installed")
-onnx = pytest.importorskip("onnx", reason="the extra `onnx` is not installed")
+needs_onnx = pytest.mark.skipif(
+    not (find_spec("onnx") and find_spec("onnxruntime")), reason="the extra `onnx` is not installed"
+)
 
 
 def agent_of(design: str, relations=("NEAR",), **network: object) -> TrainedAgent:
@@ -35,6 +37,7 @@ def agent_of(design: str, relations=("NEAR",), **network: object) -> TrainedAgen
     return TrainedAgent(snapshot, blocks, arena)
 
 
+@needs_onnx
 @pytest.mark.parametrize(
     "agent",
     [
@@ -49,7 +52,9 @@ def test_the_onnx_file_acts_as_the_agent_on_a_thousand_observations(agent, tmp_p
     assert 0 < export_onnx(agent, path) <= PARITY
 
 
+@needs_onnx
 def test_the_file_alone_says_how_to_execute_a_program(tmp_path):
+    import onnx
     from onnxruntime import InferenceSession
 
     agent, path = load_agent("shipped:2-L"), tmp_path / "actor.onnx"
@@ -75,12 +80,14 @@ def test_the_file_alone_says_how_to_execute_a_program(tmp_path):
     assert "in the frame of the hand" in described["objects"] and all(described.values())
 
 
+@needs_onnx
 def test_networks_without_programs_are_rejected_in_one_line(tmp_path):
     with pytest.raises(ConfigError, match="expected programmable networks, got canonical"):
         export_onnx(agent_of("2-L", family="canonical"), tmp_path / "actor.onnx")
     assert not list(tmp_path.iterdir())
 
 
+@needs_onnx
 def test_a_difference_from_the_agent_is_an_error(tmp_path, monkeypatch):
     from pa_ros.networks import onnx_file
 
