@@ -7,6 +7,7 @@ FROM ros:jazzy-ros-base
 
 RUN apt-get update && apt-get install -y --no-install-recommends \
       build-essential cmake python3-colcon-common-extensions python3-venv \
+      ros-jazzy-control-msgs ros-jazzy-simulation-interfaces ros-jazzy-vision-msgs \
     && rm -rf /var/lib/apt/lists/*
 
 # Jazzy's messages are compiled for NumPy 1, so the exact versions of constraints.txt do not apply.

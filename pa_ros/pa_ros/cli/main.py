@@ -37,6 +37,7 @@ COMMANDS = {
     "play": ("pa_ros.cli.play", "publish a bag into a live graph"),
     "verify": ("pa_ros.cli.verify", "repeat a recorded run and compare it bit for bit"),
     "console": ("pa_ros.cli.console", "a page in the browser: a running graph, or a bag"),
+    "mcp": ("pa_ros.cli.mcp", "tools for assistants (MCP): see, check, and if allowed execute"),
     "demo": ("pa_ros.cli.demo", "learn over the graph, then execute programs (make run)"),
 }
 ABOUT = "Programmable agents: arms that execute declarative programs."

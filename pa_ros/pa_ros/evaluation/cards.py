@@ -13,6 +13,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import read_json
 from pa_ros.core.text import Report
 from pa_ros.evaluation.agents import TrainedAgent, load_agent, trained
+from pa_ros.evaluation.generalization import RANDOM_WEIGHTS
 from pa_ros.evaluation.generalization_figures import in_words
 from pa_ros.learning.checkpoints import read_metadata
 
@@ -87,7 +88,8 @@ def _rows(source: Mapping[str, Any]) -> list[tuple[str, dict[str, float]]]:
     shipped = {c: {"normalized": source[k]} for c, k in SHIPPED_SCORES.items() if k in source}
     found: dict[str, dict[str, float]] = {}
     for key, value in source.items():
-        if named := re.fullmatch(r"eval\.([\w-]+)\.(normalized|low|high|success_rate)", key):
+        named = re.fullmatch(r"eval\.([\w-]+)\.(normalized|low|high|success_rate)", key)
+        if named and named[1] != RANDOM_WEIGHTS:  # those are not the agent's
             found.setdefault(named[1], {})[named[2]] = float(value)
     return [*(found or shipped).items()]
 

@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from pa_ros.acting.actor import Actor
-from pa_ros.arena import ARMS, ReachTask, conditions_for, random_policy, training_programs
+from pa_ros.arena import ARMS, conditions_for, random_policy, training_programs
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Observation
 from pa_ros.evaluation.agents import TrainedAgent
 from pa_ros.language import Program
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.onnx_file import program_inputs, write_onnx
+from pa_ros.perception import task_seen
 
 PARITY = 1e-5  # largest difference of an action, each a share of a limit
 OBSERVATIONS = 1000
@@ -78,7 +79,7 @@ def observations(agent: TrainedAgent, count: int) -> Iterator[tuple[Observation,
     """What an arm that moves at random sees in the agent's arena: a scene for each condition."""
     conditions = conditions_for(agent.design)
     steps = -(-count // len(conditions))  # rounded up
-    task = ReachTask(agent.arena, agent.design, SCENES_SEED)
+    task = task_seen(agent.arena, agent.design, SCENES_SEED, agent.perception)
     act = random_policy(SCENES_SEED)
 
     def found() -> Iterator[tuple[Observation, Program]]:
