@@ -23,7 +23,7 @@ from pa_ros.networks.parameters import NOTHING, Tensors
 from pa_ros.world.poses import POSE_WIDTH
 
 OPSET, IR_VERSION = 17, 8  # of 2022, so that older runtimes read the files
-LITTLE = 1e-4  # `programmable.LITTLE`, which needs torch
+LITTLE = 1e-6  # `programmable.LITTLE`, which needs torch
 
 
 def program_inputs(program: Program, network: NetworkConfig) -> dict[str, Any]:
@@ -175,7 +175,6 @@ def _actor(g: _Graph, network: NetworkConfig, tensors: Tensors) -> tuple[str, st
     columns = g("Concat", g("Mul", "objects", scale), arms, axis=-1)  # ω, [B, N, C]
     registers = _registers(g, network, linear("detectors", columns), batch, count)
     p = g("Gather", registers, np.int64(-1), axis=1)  # [B, N]
-    receivers, senders = _shares(g, network, registers) if "roles" in meanings(network) else (p, p)
 
     seen = np.ones(world.columns, np.float32)
     if not network.relations_see_properties:
@@ -184,14 +183,25 @@ def _actor(g: _Graph, network: NetworkConfig, tensors: Tensors) -> tuple[str, st
     queries = g("Unsqueeze", linear("query", columns), [2])
     pairs = g("Add", queries, g("Unsqueeze", linear("context", columns), [1]))
     scores = g("MatMul", g("Tanh", pairs), tensors["attention.weight"])  # [B, N, N]
-    scores = g("Exp", g("Sub", scores, g("ReduceMax", scores, axes=[-1], keepdims=1)))
     numbers = g("Range", np.int64(0), g("Squeeze", count), np.int64(1))  # [N]
     own = g("Equal", numbers, g("Unsqueeze", numbers, [1]))  # the diagonal, [N, N]
-    scores = g("Mul", scores, g("Where", own, np.float32(network.self_weight), np.float32(1)))
-    weights = g("Mul", g("Unsqueeze", senders, [1]), scores)
-    total = g("ReduceSum", weights, [-1], keepdims=1)
-    alpha = g("Div", weights, g("Max", total, np.float32(NOTHING)))
-    weights = g("Mul", g("Unsqueeze", receivers, [2]), alpha)  # p_i α_ij, [B, N, N]
+    own = g("Where", own, np.float32(network.self_weight), np.float32(1))
+    if network.vocabulary.moves_objects:
+        moved, target = _sets(g, network, registers)
+        most = g("ReduceMax", scores, axes=[1, 2], keepdims=1)
+        weights = g("Mul", g("Exp", g("Sub", scores, most)), own)
+        pairs = g("Mul", g("Unsqueeze", moved, [2]), g("Unsqueeze", target, [1]))
+        weights = g("Mul", pairs, weights)
+        total = g("Add", g("ReduceSum", weights, [1, 2], keepdims=1), np.float32(LITTLE))
+        weights = g("Div", weights, total)  # [B, N, N]
+        receivers = g("ReduceSum", weights, [2], keepdims=0)
+    else:
+        most = g("ReduceMax", scores, axes=[-1], keepdims=1)
+        weights = g("Mul", g("Exp", g("Sub", scores, most)), own)
+        weights = g("Mul", g("Unsqueeze", p, [1]), weights)
+        total = g("ReduceSum", weights, [-1], keepdims=1)
+        alpha = g("Div", weights, g("Max", total, np.float32(NOTHING)))
+        receivers, weights = p, g("Mul", g("Unsqueeze", p, [2]), alpha)  # p_i α_ij, [B, N, N]
 
     receiving, sending = np.hsplit(tensors["message.0.weight"], 2)
     received = g("Add", g("MatMul", columns, receiving.T), tensors["message.0.bias"])
@@ -258,8 +268,8 @@ def _registers(g: _Graph, network: NetworkConfig, logits: str, batch: str, count
     return str(g("Loop", length, "", start, body=step))
 
 
-def _shares(g: _Graph, network: NetworkConfig, registers: str) -> tuple[str, str]:
-    """How much each object receives and sends messages, where programs move objects: [B, N]."""
+def _sets(g: _Graph, network: NetworkConfig, registers: str) -> tuple[str, str]:
+    """What is moved and the target, where programs move objects: [B, N] each."""
     roles = g("Unsqueeze", "roles", [2])  # [B, 2, 1]
     count = g("Shape", registers, start=2, end=3)
     shape = g("Concat", g("Shape", registers, start=0, end=1), [2], count, axis=0)
@@ -267,6 +277,5 @@ def _shares(g: _Graph, network: NetworkConfig, registers: str) -> tuple[str, str
     other = g("Greater", g("Range", np.int64(0), g("Squeeze", count), np.int64(1)), np.int64(0))
     kept = g("Or", other, g("Equal", roles, np.int64(len(network.vocabulary.words))))
     sets = g("Where", kept, chosen, np.float32(0))
-    total = g("Add", g("ReduceSum", sets, [2], keepdims=1), np.float32(LITTLE))
-    moved, target = g("Split", g("Div", sets, total), [1, 1], axis=1, outputs=2)
+    moved, target = g("Split", sets, [1, 1], axis=1, outputs=2)
     return str(g("Squeeze", moved, [1])), str(g("Squeeze", target, [1]))
