@@ -17,7 +17,8 @@ from pa_ros.evaluation.generalization import RANDOM_WEIGHTS
 from pa_ros.evaluation.generalization_figures import in_words
 from pa_ros.learning.checkpoints import read_metadata
 
-SHIPPED_SCORES = {"eval": "held_out.normalized", "train": "train.normalized"}  # by `pa_ros ship`
+SHIPPED = {"eval": "held_out", "train": "train"}  # conditions, as `pa_ros ship` names them
+SCORES = ("normalized", "success_rate")
 
 
 def model_card(path: str | Path, report: Report | None = None) -> str:
@@ -85,7 +86,12 @@ def read_report(path: Path) -> dict[str, Any]:
 
 def _rows(source: Mapping[str, Any]) -> list[tuple[str, dict[str, float]]]:
     """Scores by condition, in the order of the source."""
-    shipped = {c: {"normalized": source[k]} for c, k in SHIPPED_SCORES.items() if k in source}
+    shipped = {
+        condition: {score: source[f"{name}.{score}"]}
+        for condition, name in SHIPPED.items()
+        for score in SCORES
+        if f"{name}.{score}" in source
+    }
     found: dict[str, dict[str, float]] = {}
     for key, value in source.items():
         named = re.fullmatch(r"eval\.([\w-]+)\.(normalized|low|high|success_rate)", key)
@@ -108,7 +114,7 @@ def _result(agent: TrainedAgent, condition: str, scores: Mapping[str, float]) ->
 
 
 def _cells(scores: Mapping[str, float]) -> str:
-    own = f"{scores['normalized']:.2f}"
+    own = f"{scores['normalized']:.2f}" if "normalized" in scores else "–"
     if "low" in scores:
         own += f" [{scores['low']:.2f}, {scores['high']:.2f}]"
     return f"{own} | {scores['success_rate']:.0%}" if "success_rate" in scores else f"{own} | –"
