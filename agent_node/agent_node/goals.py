@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pa_ros.acting.execution import Execution, ExecutionWatch
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Step
+from pa_ros.language import stages
 from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM, Goal, GoalServer
 from pa_ros.ros.executor import steady_timer
@@ -35,6 +36,7 @@ RESEND_S = 1.0  # wall time after which a program that no arena answered is sent
 FOREVER_S = 1e9  # simulation time
 ENDED = {  # how an execution ended → code and reason of the result
     "window": ("goal.time_limit", "the time limit came first"),
+    "violated": ("goal.violated", "an object to be avoided was near"),
     "episode": ("goal.episode_ended", "the arena's episode ended"),
     "replaced": ("goal.replaced", "another program, or another scene, took its place"),
 }
@@ -49,6 +51,7 @@ class _Execution:
     request: ProgramRequest
     watch: ExecutionWatch
     arena_id: str
+    stages: int
     sent_at: float = 0.0  # 0: not sent yet
     answered: bool = False  # by the arena
 
@@ -88,7 +91,7 @@ class ProgramGoals:
     def _start(self, goal: Goal) -> None:
         try:
             wanted = decode_goal(goal.request)
-            arena_id = self._check(wanted.text)
+            arena_id, count = self._check(wanted.text)
         except PaError as error:
             self._node.refusals.refuse(ACTION, error)
             position = int(getattr(error, "position", -1))
@@ -101,11 +104,12 @@ class ProgramGoals:
         program_id = f"{self._node.get_name()}-{time.time_ns()}-{self._served}"
         watch = ExecutionWatch(program_id, wanted.time_limit_s or FOREVER_S, wanted.hold_s)
         request = ProgramRequest(program_id, wanted.text)
-        self._current = _Execution(goal, wanted, request, watch, arena_id)
+        self._current = _Execution(goal, wanted, request, watch, arena_id, count)
         self._timer = steady_timer(self._node, FEEDBACK_S, self._on_timer)
 
-    def _check(self, text: str) -> str:
-        """The arena's id. Raises PaError for a program that can't be executed now."""
+    def _check(self, text: str) -> tuple[str, int]:
+        """The arena's id, and how many programs a goal has. Raises PaError for one that can't be
+        executed now."""
         node, arena = self._node, self._node.arena
         if not node.active:
             raise PaError(f"{ACTION}: expected an active agent, got {node.state}", "goal.inactive")
@@ -113,8 +117,9 @@ class ProgramGoals:
             lacks = "an arena" if arena is None else "weights"
             raise PaError(f"{ACTION}: expected {lacks} before a goal, got none", "goal.unready")
         node.agent.check_world(arena.world)
-        node.agent.check_program(node.book.program(text))
-        return arena.arena_id
+        goal = node.book.program(text)
+        node.agent.check_program(goal)
+        return arena.arena_id, len(stages(goal))
 
     def _cancel(self, goal: Goal) -> None:
         if self._current is not None and self._current.goal is goal:
@@ -161,20 +166,22 @@ class ProgramGoals:
         relevance: tuple[float, ...] = ()
         agent, arena, seen = self._node.agent, self._node.arena, self._node.seen
         if seen is not None and arena is not None:
-            observation, program = seen
+            observation = seen[0].observation
             objects = arena.world.schema.labels(observation.objects, observation.hand_index)
             if observation.program_id == current.request.program_id:
-                relevance = agent.relevance(observation, program)
+                relevance = agent.relevance(*seen)
         watch = current.watch
-        return GoalProgress(watch.distance, watch.satisfied, objects, relevance, agent.version)
+        how = watch.distance, watch.satisfied, objects, relevance, agent.version
+        return GoalProgress(*how, watch.stage, current.stages)
 
     def _end(self, current: _Execution, execution: Execution) -> None:
         if execution.ended == "held":
             self._finish(current.goal.succeed, True, execution.reached_s)
             return
         code, reason = ENDED[execution.ended]
-        if execution.ended == "window":
+        if execution.ended in ("window", "violated"):
             self._node.given_up = current.request.program_id
+        if execution.ended == "window":
             reason = f"{reason} ({current.wanted.time_limit_s:g} s)"
         self._finish(current.goal.abort, False, execution.reached_s, code, reason)
 

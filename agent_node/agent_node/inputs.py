@@ -6,7 +6,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 
 from pa_ros.core.errors import PaError
-from pa_ros.language import Program, Vocabulary, parse
+from pa_ros.language import Goal, Vocabulary, parse_goal
 from pa_ros.wire.program import ProgramRequest
 
 PROGRAMS = 256  # remembered
@@ -16,7 +16,7 @@ class ProgramBook:
     """The newest PROGRAMS programs by id; each text is parsed once."""
 
     def __init__(
-        self, vocabulary: Vocabulary, check: Callable[[Program], None] = lambda program: None
+        self, vocabulary: Vocabulary, check: Callable[[Goal], None] = lambda program: None
     ) -> None:
         """
         :param check: raises a PaError for a program that the agent can't act on.
@@ -24,7 +24,7 @@ class ProgramBook:
         self.vocabulary = vocabulary
         self._check = check
         self._texts: OrderedDict[str, str] = OrderedDict()  # canonical, by id
-        self._programs: OrderedDict[str, Program] = OrderedDict()  # by text
+        self._programs: OrderedDict[str, Goal] = OrderedDict()  # by text
 
     def accept(self, request: ProgramRequest) -> str:
         """Remember a program; its canonical text.
@@ -51,15 +51,15 @@ class ProgramBook:
         if len(self._texts) > PROGRAMS:
             self._texts.popitem(last=False)
 
-    def named(self, program_id: str, text: str) -> Program | None:
+    def named(self, program_id: str, text: str) -> Goal | None:
         """The program of a canonical text, if the id names it."""
         return self._programs.get(text) if self._texts.get(program_id) == text else None
 
-    def program(self, text: str) -> Program:
+    def program(self, text: str) -> Goal:
         """The parsed text. Raises ProgramError."""
         program = self._programs.get(text)
         if program is None:
-            program = self._programs[text] = parse(text, self.vocabulary)
+            program = self._programs[text] = parse_goal(text, self.vocabulary)
             if len(self._programs) > PROGRAMS:
                 self._programs.popitem(last=False)
         return program

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import uuid
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +20,11 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import (
     AgentKey,
     LearnerInfo,
-    Observation,
     PolicySnapshot,
     PublishedPolicy,
     Step,
 )
-from pa_ros.language import Program, ProgramError, Vocabulary, logic_named
+from pa_ros.language import Goal, ProgramError, Vocabulary, logic_named
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.learning.protocols import LearningSettings
 from pa_ros.networks.errors import NetworkError
@@ -42,6 +42,7 @@ from pa_ros.wire.diagnostics import decode_diagnostics, encode_provenance
 from pa_ros.wire.learning import decode_learner_info, decode_weights, encode_trajectory
 from pa_ros.wire.program import ProgramRequest, decode_program, encode_program_status
 from pa_ros.wire.step import Command, arena_of, decode_step, encode_command
+from pa_ros.world import Scoring
 from pa_ros.world.world import World
 
 
@@ -62,7 +63,7 @@ class AgentNode(ManagedNode):
         self.agent_id = config.agent_id or f"{self.get_name()}-{self._drawn_id}"
         self.agent = make_agent(config, AgentKey(self.agent_id, time.time_ns()))
         self.book = ProgramBook(Vocabulary(()), self.agent.check_program)  # until an arena is known
-        self.seen: tuple[Observation, Program] | None = None  # the newest step taken in
+        self.seen: tuple[Step, Goal] | None = None  # the newest step taken in
         self.given_up = ""  # id of the program whose goal was cancelled or took too long
         self._handled_ns = self._commanded_ns = -1  # stamps of the newest step taken in, answered
         self._command = topics.JOINT_COMMANDS.type()  # filled again for each command
@@ -144,7 +145,7 @@ class AgentNode(ManagedNode):
                 code="observation.stale",
             )
         if self._goals is not None:
-            self._goals.observe(step)
+            self._goals.observe(self._judged(step))
         if observation.stamp_ns == self._handled_ns:
             self._answer_again()
             return
@@ -161,11 +162,21 @@ class AgentNode(ManagedNode):
         started = time.perf_counter()
         trajectory = self.agent.observe(step, program)
         self._core_s += time.perf_counter() - started
-        self._handled_ns, self.seen = observation.stamp_ns, (observation, program)
+        self._handled_ns, self.seen = observation.stamp_ns, (step, program)
         if trajectory is not None:
             self._trajectories += 1
             self._trajectories_out.publish(encode_trajectory(trajectory))
         self._act()
+
+    def _judged(self, step: Step) -> Step:
+        """A step with the agent's own verdict where no verifier judged it."""
+        goal = self.book.named(step.observation.program_id, step.program)
+        if step.verdict is not None or goal is None:
+            return step
+        try:
+            return replace(step, verdict=self.agent.verdict(step, goal))
+        except PaError:  # its networks don't judge
+            return step
 
     def _act(self) -> None:
         """Answer the newest step, if that is still to be done and its weights are there."""
@@ -174,7 +185,7 @@ class AgentNode(ManagedNode):
         started = time.perf_counter()
         if self.agent.prepare() is not None or self.seen is None:
             return
-        observation, _ = self.seen
+        observation = self.seen[0].observation
         try:
             if observation.program_id == self.given_up:
                 self.agent.hold()
@@ -212,6 +223,7 @@ class AgentNode(ManagedNode):
 
     def _bind_to_arena(self, arena: ArenaDescription) -> None:
         """Forget the arena that was followed before."""
+        self.agent.scoring = Scoring.of(arena.world.relations, arena.thresholds)
         self._joints, self._object_width = len(arena.joint_names), arena.world.object_features
         self._handled_ns = self._commanded_ns = -1
         self.seen = None
@@ -261,7 +273,7 @@ class AgentNode(ManagedNode):
             self._program_rate.check()
             self._answer(request)
 
-    def _accept_in_force(self, program_id: str, text: str) -> Program:
+    def _accept_in_force(self, program_id: str, text: str) -> Goal:
         """Answer a program that the agent learns of by a step. Raises ProgramError."""
         self.book.name(program_id, text)  # the arena decides what an id means
         self._answer(ProgramRequest(program_id, text))

@@ -119,9 +119,9 @@ class RelevanceMarkers:
     def _on_markers(self, message: Message) -> None:
         if self._node.seen is None or not self._node.active:
             return
-        observation, program = self._node.seen
-        p = self._node.agent.relevance(observation, program)
-        blocks = [degree for i, degree in enumerate(p) if i != observation.hand_index]
+        step, goal = self._node.seen
+        p, hand = self._node.agent.relevance(step, goal), step.observation.hand_index
+        blocks = [degree for i, degree in enumerate(p) if i != hand]
         outlines = encode_outlines(message, blocks)
         if outlines is not None:  # none in an agent's own markers, which it receives, too
             self._out.publish(outlines)

@@ -160,9 +160,9 @@ class Arena:
 
         Raises ProgramError for a wrong program or one that names no present object.
         """
-        from pa_ros.language import parse
+        from pa_ros.language import parse_goal
 
-        parsed = parse(program, self.task.world.vocabulary)
+        parsed = parse_goal(program, self.task.world.vocabulary)
         self.observation, self.verdict = self.task.set_program(parsed)
         return self.observation
 
@@ -183,23 +183,26 @@ class Arena:
     def execute(self, agent: TrainedAgent, program: str, max_steps: int = 100) -> Result:
         """Let an agent execute a program until it has been satisfied for HOLD_STEPS steps.
 
-        Raises ProgramError for a wrong program or one that names no present object, ActingError for
-        an agent of another arm or design.
+        A goal over time has `max_steps` for each of its programs. Raises ProgramError for a wrong
+        program or one that names no present object, ActingError for an agent of another arm or
+        design.
         """
         from pa_ros.evaluation.agents import greedy
+        from pa_ros.language import stages
 
         self.begin(program)
         act = greedy(agent.snapshot, self.task.config, agent.logic)  # at this arm's speeds
-        parsed, steps, satisfied = self.task.program, 0, 0
+        text, steps, satisfied = str(self.task.goal), 0, 0
+        max_steps *= len(stages(self.task.goal))
         while steps < max_steps and satisfied < HOLD_STEPS:
-            self.step(act(self.observation, parsed))
+            self.step(act(self.observation, self.task.program))
             steps, satisfied = steps + 1, satisfied + 1 if self.verdict.satisfied else 0
         verdict = self.verdict
         if satisfied < HOLD_STEPS:
             reason = f"not satisfied for {HOLD_STEPS} steps within {max_steps}"
-            return Result(str(parsed), False, verdict.distance, None, reason, "goal.time_limit")
+            return Result(text, False, verdict.distance, None, reason, "goal.time_limit")
         reached_s = (steps - HOLD_STEPS) * self.task.control_period_s
-        return Result(str(parsed), True, verdict.distance, reached_s)
+        return Result(text, True, verdict.distance, reached_s)
 
     def picture(self, side_px: int = 480) -> Any:
         """The table from above, an RGB array [side, side, 3] of uint8; needs no OpenGL."""

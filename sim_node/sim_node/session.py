@@ -13,7 +13,7 @@ from pa_ros import provenance
 from pa_ros.arena import ArenaError, Episode, ReachTask, generate, training_programs
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import CommandKey, Executed, Float64, Observation, Step, Verdict
-from pa_ros.language import Program, parse
+from pa_ros.language import Goal, parse_goal
 from pa_ros.language.errors import ProgramError
 from pa_ros.wire import WireError
 from pa_ros.wire.arena import ArenaDescription, Mode
@@ -45,7 +45,7 @@ class ActiveProgram:
     """A program and the id under which it was announced."""
 
     program_id: str
-    program: Program
+    program: Goal
 
     @cached_property
     def text(self) -> str:
@@ -184,14 +184,14 @@ class Session:
             return program
         if self.config.program_source == "generator":
             kind = "eval" if evaluation else "train"
-            own = ActiveProgram(f"{self.arena_id}/{kind}/{episode.index}", episode.program)
+            own = ActiveProgram(f"{self.arena_id}/{kind}/{episode.index}", episode.goal)
             self.program_ids.remember(own.program_id, own.text)
             return own
         if self._requested is not None and self._can_hold(self._requested.program, episode):
             return self._requested
         return None
 
-    def _can_hold(self, program: Program, episode: Episode) -> bool:
+    def _can_hold(self, program: Goal, episode: Episode) -> bool:
         try:
             self.task.check(program, episode)
         except ProgramError:
@@ -199,7 +199,7 @@ class Session:
         return True
 
     def _checked(self, request: ProgramRequest, episode: Episode) -> ActiveProgram:
-        program = parse(request.text, self.task.design.vocabulary)
+        program = parse_goal(request.text, self.task.design.vocabulary)
         self.task.check(program, episode)
         return ActiveProgram(request.program_id, program)
 
@@ -208,7 +208,7 @@ class Session:
     def _show_current_step(self, program: ActiveProgram | None, evaluation: bool) -> None:
         """Make the task's current step the arena's, under a program."""
         self.program = program
-        executed = program.program if program else self.task.episode.program
+        executed = program.program if program else self.task.episode.goal
         program_id = program.program_id if program else None
         self._show(*self.task.set_program(executed, program_id), evaluation, None)
 
@@ -225,7 +225,9 @@ class Session:
         else:  # nothing is satisfied without an active program
             observation = replace(observation, program_id="")
             reward = float(self.task.scoring.reward(False, inf))
-            verdict = replace(verdict, reward=reward, satisfied=False, distance=inf)
+            verdict = replace(
+                verdict, reward=reward, satisfied=False, distance=inf, stage=0, violated=False
+            )
         self.current = Step(observation, verdict, text, evaluation, executed, self.arena_id)
 
     # What the arena says about itself

@@ -44,7 +44,10 @@ def test_weights_act_in_other_arenas_or_reject_them_with_a_reason(family, place)
     agent.prepare()
     if place == "usual":
         agent.check_program(task.program)
-        assert len(agent.relevance(observation, task.program)) in (0, len(observation.objects))
+        assert len(agent.relevance(Step(observation), task.program)) in (
+            0,
+            len(observation.objects),
+        )
         assert agent.act().any()
     elif place == "another arm":
         with pytest.raises(ActingError, match="16 features of an object and 18 of the arm, got"):

@@ -32,6 +32,24 @@ def test_each_condition_by_its_name(checkpoint: str, condition: str, tmp_path, c
     assert "NEAR(HAND, " in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("judge", ["verifier", "agent"])
+def test_a_chain_says_how_far_it_came_and_how_well_the_agent_judges(judge, tmp_path, capsys):
+    report = tmp_path / "eval.json"
+    arguments = ["eval", "--checkpoint", "shipped:3-D", "--condition", "chain-2", "--judge", judge]
+    assert main([*arguments, "--episodes", "2", "--json", str(report)]) == 0
+    figures = json.loads(report.read_text())
+    assert figures["eval.success"] == figures["eval.ever"] == 1.0
+    assert figures["eval.programs_done"] == 2.0 and figures["eval.violations"] == 0.0
+    assert figures["eval.judgement.steps"] == 2 * 200
+    assert figures["eval.judgement.false_done"] < 0.1 and figures["eval.judgement.missed"] < 0.1
+    assert "THEN(NEAR(HAND, " in capsys.readouterr().out
+
+
+def test_a_reference_policy_does_not_judge(capsys):
+    asked = ["eval", "--policy", "scripted", "--design", "3-D", "--judge", "agent"]
+    assert main(asked) == 2 and "expected --checkpoint" in capsys.readouterr().err
+
+
 def test_all_conditions_at_once(checkpoint: str, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("pa_ros.cli.evaluate.conditions_of", lambda _: ("random", "reach-new-both"))
     report = tmp_path / "eval.json"

@@ -83,6 +83,18 @@ def test_tables_have_a_row_for_each_word_and_node(text):
     assert f"not yet{limit}<" in markup.state(moment)
 
 
+def test_a_goal_over_time_is_explained_by_the_program_that_is_pursued():
+    text = "THEN(NEAR(HAND, RED), NEAR(HAND, AND(BLUE, CUBE)))"
+    arena = describe(preset_named("fast"), design_named("3-D"), 2, (), "arena")
+    found, why = explained(Insight(SNAPSHOT), OBSERVATION, text, VOCABULARY, 1)
+    assert found is not None and [node.text for node in found.tree] == ["AND", "BLUE", "CUBE"]
+    moment = Moment(arena, OBSERVATION, False, text, -1.0, 0.5, False, found, why, stage=1)
+    shown = markup.state(moment)
+    assert "stage 2 of 2" in shown and "at most 0.20 m is wanted" in shown
+    assert "THEN" in markup.reading(text, VOCABULARY)
+    assert markup.completions("TH", VOCABULARY) == ("THEN(",)
+
+
 @pytest.mark.parametrize(
     ("parameters", "logic"),
     [

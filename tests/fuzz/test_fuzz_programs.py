@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from helpers.damage import explore
 from pa_ros.arena import design_named
-from pa_ros.language import ProgramError, parse
+from pa_ros.language import ProgramError, parse_goal, stages
 from pa_ros.language.parser import MAX_LENGTH
 from pa_ros.world.programs import ProgramTable
 
@@ -16,6 +16,7 @@ KEPT = ("", "((((", "NEAR(HAND, \u202eRED)", "NEAR(HAND, \ud800)", "NEAR（HAND,
 
 TOKENS = (
     *("NEAR", "NEAR(", "HAND", "HAND,", "AND(", "OR(", "NOT(", "(", ")", "))", ",", ",,", " "),
+    *("THEN(", "ALL(", "AVOID(", "AVOID(RED,", "THEN(NEAR(HAND, RED),"),
     *("\t", "\n", "NEAR(HAND, RED)", "NOT(NOT(", "near", "É", "（", "\0", "\ud800", "\u202e", "1"),
     *WORDS.words,
 )
@@ -28,15 +29,17 @@ texts = st.one_of(
 
 
 def check(text: str) -> object:
-    """A parsed program compiles, and prints to a text that parses to itself."""
+    """A parsed goal prints to a text that parses to itself; its programs compile, unless they avoid
+    something."""
     try:
-        program = parse(text, WORDS)
+        goal = parse_goal(text, WORDS)
     except ProgramError as error:
         assert error.code.startswith("program.") and -1 <= error.position <= len(text)
         assert str(error).isascii()
         return None
-    assert parse(str(program), WORDS) == program
-    return ProgramTable(WORDS).add(program)
+    assert parse_goal(str(goal), WORDS) == goal
+    table = ProgramTable(WORDS)
+    return [table.add(program.relation_alone) for program in stages(goal)]
 
 
 @pytest.mark.parametrize("text", KEPT)

@@ -55,6 +55,24 @@ def test_a_goal_is_reached(client: GoalSender) -> None:
     assert 0 < result.time_to_reach_s < 500 and result.final_distance < 0.2
 
 
+def test_the_programs_of_a_goal_over_time_are_reached_one_after_the_other(
+    probe: Probe, client: GoalSender
+) -> None:
+    text = f"THEN(NEAR(HAND, AND(GREEN, CUBE)), {REACHABLE}, NEAR(HAND, AND(GREEN, CUBE)))"
+    status, result = client.result(client.send(text, time_limit_s=1000.0))
+    assert (status, result.success, result.code) == (SUCCEEDED, True, "")
+    steps = [m for m in probe.heard["object_features"] if m.program == text]
+    seen = [m.stage for m in steps]
+    assert seen == sorted(seen) and (seen[0], seen[-1]) == (0, 2)
+    assert {m.stage for m in steps if m.satisfied} == {2}
+    assert {feedback.stages for feedback in client.feedback} == {3}
+
+
+def test_what_is_to_be_avoided_is_refused_by_weights_that_cannot(client: GoalSender) -> None:
+    status, result = client.result(client.send(f"AVOID(GREEN, {REACHABLE})"))
+    assert (status, result.code) == (ABORTED, "program.avoids")
+
+
 def test_feedback_shows_relevance_and_cancelling_holds_the_arm(
     probe: Probe, client: GoalSender
 ) -> None:

@@ -38,7 +38,8 @@ distances = st.floats(0, allow_nan=False)
 def test_a_step_survives_the_wire(seed, count, episode, step, stamp, text, evaluation, distance):
     seen = observation(seed, count)
     seen = replace(seen, episode=episode, step=step, stamp_ns=stamp, program_id=text)
-    verdict = Verdict(1.0, evaluation, distance, not evaluation) if seed % 3 else None
+    at = Verdict(1.0, evaluation, distance, not evaluation, step // 2, evaluation)
+    verdict = at if seed % 3 else None
     sent = Step(seen, verdict, text, evaluation, EXECUTED if seed % 2 else None, text)
     message = encode_step(sent)
     decoded = decode_step(message)
@@ -51,10 +52,11 @@ def test_a_step_survives_the_wire(seed, count, episode, step, stamp, text, evalu
     assert (shown.step, read_stamp(shown.stamp), shown.program_id) == (step, stamp, text)
     if verdict is not None:
         assert (shown.distance, shown.satisfied) == (distance, evaluation)
+        assert (shown.stage, shown.violated) == (step // 2, evaluation)
 
 
 def test_a_message_that_was_published_before_is_filled_again():
-    judged = Verdict(1.0, True, 0.1, True)
+    judged = Verdict(1.0, True, 0.1, True, 3, True)
     message = encode_step(Step(observation(1, 3), judged, "text", True, EXECUTED, "a"))
     again = encode_step(Step(observation(2)), into=message)
     assert again is message and message == encode_step(Step(observation(2)))

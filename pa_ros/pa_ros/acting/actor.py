@@ -12,16 +12,19 @@ from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation, PolicySnapshot
 from pa_ros.language import MIN_MAX, Logic, Program
-from pa_ros.language.evaluate import relevance
+from pa_ros.language.evaluate import relevance, role_relevance
 from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.detectors import degrees
 from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import Tensors, actor_shapes, check_tensors
+from pa_ros.world.scoring import Score, Scoring
 
 if TYPE_CHECKING:  # it loads torch, which the fused code does not need
     from pa_ros.networks.inference import Inference
+
+MEANT = 0.5  # an object is meant if its degree is this part of the greatest one, at least
 
 log = logging.getLogger(__name__)
 
@@ -123,6 +126,36 @@ class Actor:
         hand = observation.hand_index
         bodiless = self.network.vocabulary.bodiless
         return tuple(relevance(program, phi.tolist(), rows, hand, self.logic, bodiless))
+
+    def judge(self, observation: Observation, scoring: Scoring) -> Callable[[Program], Score]:
+        """Scores of a state by the agent's own judgement: programs mean the objects to which they
+        give at least half of the greatest degree.
+
+        Raises NetworkError for networks without degrees, and what `act` raises.
+        """
+        if not family_of(self.network).evaluates_programs:
+            raise NetworkError(
+                f"{self.network.family} networks: expected a verifier, since they don't say which "
+                "objects a program means",
+                code="networks.unsupported_program",
+            )
+        phi = degrees(
+            self.network, self._tensors, observation.objects, self._arm(observation), self.logic
+        ).tolist()
+        vocabulary, hand = self.network.vocabulary, observation.hand_index
+
+        def score(program: Program) -> Score:
+            sets = role_relevance(
+                program, phi, vocabulary.row, hand, self.logic, vocabulary.bodiless
+            )
+            moved, targets = (
+                [i for i, p in enumerate(one) if p > 0.0 and p >= MEANT * max(one)] for one in sets
+            )
+            pair = None if program.moves_hand else moved
+            seen, pose = observation.objects, observation.hand_pose
+            return scoring.of_targets(targets, seen, program.relation, pose, pair)
+
+        return score
 
     def _arm(self, observation: Observation) -> Float32:
         """Arm part of Ω, [A]; ActingError for an observation of another size than the weights'."""

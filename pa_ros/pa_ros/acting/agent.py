@@ -18,14 +18,15 @@ from pa_ros.core.experience import (
     Executed,
     Float32,
     LearnerInfo,
-    Observation,
     PublishedPolicy,
     Step,
+    Verdict,
 )
-from pa_ros.language import MIN_MAX, Logic, Program
+from pa_ros.language import MIN_MAX, Goal, Logic, Program, stages
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.families import family_of
-from pa_ros.world import Trajectory
+from pa_ros.world import Scoring, Trajectory
+from pa_ros.world.progress import GoalWatch
 from pa_ros.world.world import World
 
 KEPT_POLICIES = 16  # of learners that may be followed later
@@ -57,7 +58,9 @@ class Agent:
         self._actor: Actor | None = None
         self._newest: PublishedPolicy | None = None  # of those that fit
         self._loaded: PublishedPolicy | None = None
-        self._step: tuple[Step, Program] | None = None  # still to be acted on
+        self._step: tuple[Step, Goal] | None = None  # still to be acted on
+        self._own: OwnJudgement | None = None  # of the goal in force, where no verifier is heard
+        self.scoring: Scoring | None = None  # the arena's; None: of the relations' own thresholds
         self._ready = False  # `prepare` loaded the weights that must act on this step
 
     @property
@@ -132,11 +135,12 @@ class Agent:
         for policy in wanted:
             self.offer(policy)
 
-    def check_program(self, program: Program) -> None:
-        """Raise NetworkError or ProgramError if the weights cannot represent this program."""
+    def check_program(self, goal: Goal) -> None:
+        """Raise NetworkError or ProgramError if the weights cannot represent a program of it."""
         if self._actor is not None:
             network = self._actor.network
-            family_of(network).check(program, network.vocabulary)
+            for program in stages(goal):
+                family_of(network).check(program, network.vocabulary)
 
     def check_world(self, world: World) -> None:
         """Raise ActingError if the weights expect other objects, or another arm."""
@@ -153,14 +157,41 @@ class Agent:
 
     # One control step
 
-    def observe(self, step: Step, program: Program) -> Trajectory | None:
-        """Take in a step, and the program that its text names.
+    def observe(self, step: Step, goal: Goal) -> Trajectory | None:
+        """Take in a step, and the goal that its text names.
 
-        Returns the trajectory that it completed, to be sent, if any.
+        Returns the trajectory that it completed, to be sent, if any. Raises ActingError for a
+        stage that the goal lacks.
         """
+        stage, count = step.verdict.stage if step.verdict else 0, len(stages(goal))
+        if stage >= count:
+            raise ActingError(
+                f"object_features.stage: expected less than {count}, as {goal} has so many "
+                f"programs, got {stage}",
+                code="observation.stage",
+            )
         ends = step.verdict is not None and step.verdict.truncated  # no action follows
-        self._step, self._ready = None if ends else (step, program), False
+        self._step, self._ready = None if ends else (step, goal), False
         return None
+
+    def verdict(self, step: Step, goal: Goal) -> Verdict | None:
+        """The verifier's verdict on a step; where nobody judged it, the agent's own.
+
+        None before there are weights. Raises NetworkError for networks that can't judge.
+        """
+        if step.verdict is not None or self._actor is None or self._loaded is None:
+            return step.verdict
+        if self._own is None or not self._own.continues(step, goal):
+            self._own = OwnJudgement(step, goal)
+        scoring = self.scoring or Scoring.of(self._actor.network.world.relations)
+        return self._own.verdict(step, self._actor, scoring)
+
+    def pursued(self, step: Step, goal: Goal) -> Program:
+        """The program of a goal that is to be pursued at a step."""
+        if isinstance(goal, Program):
+            return goal
+        verdict = self.verdict(step, goal)
+        return stages(goal)[verdict.stage if verdict is not None else 0]
 
     def required(self) -> PublishedPolicy | Wait:
         """The weights that must act on the current step, or what to wait for."""
@@ -190,7 +221,8 @@ class Agent:
                 f"action: expected prepare() to return None before it, got {self.required()}",
                 code="learning.step",
             )
-        chosen, position = self._action(actor, *step), step[0].observation.joint_position
+        program, position = self.pursued(*step), step[0].observation.joint_position
+        chosen = self._action(actor, step[0], program)
         action = actor.network.world.joint_action(chosen, position)
         self._step = None
         self.last_command = Executed(CommandKey(*self.key, next(self._numbers)), action)
@@ -211,9 +243,12 @@ class Agent:
         self.last_command = Executed(CommandKey(*self.key, next(self._numbers)), action)
         return action
 
-    def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
-        """p of each object under the weights in use; empty if their networks have no degrees."""
-        return self._actor.relevance(observation, program) if self._actor is not None else ()
+    def relevance(self, step: Step, goal: Goal) -> tuple[float, ...]:
+        """p of each object, of the program that is pursued at a step, under the weights in use;
+        empty if their networks have no degrees."""
+        if self._actor is None or not family_of(self._actor.network).evaluates_programs:
+            return ()
+        return self._actor.relevance(step.observation, self.pursued(step, goal))
 
     def _load(self, policy: PublishedPolicy) -> None:
         assert self._actor is not None  # `offer` made one before it kept the weights
@@ -222,6 +257,31 @@ class Agent:
 
     def _action(self, actor: Actor, step: Step, program: Program) -> Float32:
         return actor.act(step.observation, program)
+
+
+class OwnJudgement:
+    """An agent's own verdicts on one goal, where no verifier is heard."""
+
+    def __init__(self, step: Step, goal: Goal) -> None:
+        self._key, self._watch = _of(step), GoalWatch(goal)
+        self._verdict: tuple[int, Verdict] | None = None  # on the step of this stamp
+
+    def continues(self, step: Step, goal: Goal) -> bool:
+        """Whether a step is one under the same goal, in the same episode."""
+        return self._key == _of(step) and self._watch.goal == goal
+
+    def verdict(self, step: Step, actor: Actor, scoring: Scoring) -> Verdict:
+        """The verdict on a step; each step is taken in once, however often it is asked."""
+        seen = step.observation
+        if self._verdict is None or self._verdict[0] != seen.stamp_ns:
+            score = actor.judge(seen, scoring)
+            self._verdict = seen.stamp_ns, self._watch.verdict(score, scoring.reward)
+        return self._verdict[1]
+
+
+def _of(step: Step) -> tuple[str, str, bool, int]:
+    seen = step.observation
+    return step.arena_id, seen.program_id, step.evaluation, seen.episode
 
 
 def check_arena(learner: LearnerInfo, arena: ArenaFacts) -> None:

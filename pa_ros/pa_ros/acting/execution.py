@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from math import inf
 
 from pa_ros.core.experience import Step
-from pa_ros.world.relation import measured
+from pa_ros.world.relation import at_stage, measured, programs_in
 
-WINDOW_S = 10.0  # simulation time that a program is given: an episode of the paper
+WINDOW_S = 10.0  # simulation time that each program of a goal is given: an episode of the paper
 HOLD_S = 1.0  # simulation time for which NEAR must hold
 
 
@@ -20,14 +20,22 @@ class Execution:
     distance: float  # m, hand to the nearest object named, at the last step watched; inf: none
     reached_s: float | None  # simulation time from its first step to NEAR for good; None: never
     watched_s: float  # simulation time from the program's first step to the last step watched
-    ended: str  # by: "held", "window", "episode" or "replaced" (by another program)
+    ended: str  # by: "held", "window", "violated", "episode" or "replaced" (by another program)
+    stage: int = 0  # at the last step watched
 
     def text(self, program: str) -> str:
         """The result of a program in one line."""
-        where = f"at {measured(program, self.distance)}"
+        where = f"at {measured(program, self.distance, self.stage)}"
         if self.satisfied and self.reached_s is not None:
             return f"satisfied after {self.reached_s:.1f} s, {where}"
-        return f"not satisfied: {self.ended} after {self.watched_s:.1f} s, {where}"
+        stage = at_stage(program, self.stage)
+        when = f"{self.watched_s:.1f} s{', in ' if stage else ''}{stage}"
+        return f"not satisfied: {self.ended} after {when}, {where}"
+
+
+def window_s(goal: str) -> float:
+    """Simulation time that a goal is given, s."""
+    return WINDOW_S * max(len(programs_in(goal)), 1)
 
 
 class ExecutionWatch:
@@ -47,6 +55,7 @@ class ExecutionWatch:
         self._accepted_ns: int | None = None
         self.distance = inf  # at the step watched last
         self.satisfied = False  # at the step watched last
+        self.stage = 0  # at the step watched last
 
     @property
     def begun(self) -> bool:
@@ -70,6 +79,9 @@ class ExecutionWatch:
         self._episode, self._last_ns = seen.episode, seen.stamp_ns
         self.distance = verdict.distance if verdict else inf
         self.satisfied = verdict is not None and verdict.satisfied
+        self.stage = verdict.stage if verdict else 0
+        if verdict is not None and verdict.violated:
+            return self._finish("violated")
         if not self.satisfied:
             self._near_since_ns = None
         elif self._near_since_ns is None:
@@ -87,9 +99,9 @@ class ExecutionWatch:
         first_ns = self._first_ns
         if first_ns is None:
             return Execution(False, inf, None, 0.0, ended)
-        satisfied = self._near_since_ns is not None and ended != "replaced"
+        satisfied = self._near_since_ns is not None and ended not in ("replaced", "violated")
         reached_s = None
         if satisfied and self._near_since_ns is not None:
             reached_s = (self._near_since_ns - first_ns) / 1e9
         watched_s = (self._last_ns - first_ns) / 1e9
-        return Execution(satisfied, self.distance, reached_s, watched_s, ended)
+        return Execution(satisfied, self.distance, reached_s, watched_s, ended, self.stage)

@@ -24,8 +24,9 @@ from pa_ros.language import (
     Word,
     degree,
     logic_named,
-    parse,
+    parse_goal,
     relevance,
+    stages,
 )
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.errors import NetworkError
@@ -106,14 +107,18 @@ def agent_logic(parameters: Mapping[str, Any]) -> Logic:
 
 
 def explained(
-    insight: Insight | None, observation: Observation, text: str, vocabulary: Vocabulary
+    insight: Insight | None,
+    observation: Observation,
+    text: str,
+    vocabulary: Vocabulary,
+    stage: int = 0,
 ) -> tuple[Explanation | None, str]:
-    """Return the explanation of a program's text, or why there is none."""
+    """Return the explanation of a stage of a goal's text, or why there is none."""
     if insight is None:
         return None, "the agent's weights are not known here"
     try:
-        program = parse(text, vocabulary) if text else None
-        return insight.explain(observation, program), ""
+        programs = stages(parse_goal(text, vocabulary)) if text else (None,)
+        return insight.explain(observation, programs[min(stage, len(programs) - 1)]), ""
     except (PaError, RuntimeError) as error:  # torch: features of another world
         return None, str(error).partition("\n")[0]
 

@@ -13,7 +13,8 @@ from pa_ros.acting.send_window import FreeSendWindow, SendWindow, Wait
 from pa_ros.acting.trajectories import TrajectoryBuilder
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.experience import AgentKey, Float32, LearnerInfo, PublishedPolicy, Step
-from pa_ros.language import PRODUCT, Program
+from pa_ros.language import PRODUCT, Goal, Program
+from pa_ros.language.parser import over_time
 from pa_ros.world import Trajectory
 
 
@@ -87,23 +88,37 @@ class LearningAgent(Agent):
             self._begin(self._window.learner)
             self._receive(policy)
 
-    def observe(self, step: Step, program: Program) -> Trajectory | None:
+    def check_program(self, goal: Goal) -> None:
+        if not isinstance(goal, Program):
+            raise over_time(goal, str(goal))
+        super().check_program(goal)
+
+    def observe(self, step: Step, goal: Goal) -> Trajectory | None:
         if step.verdict is None and not step.evaluation:
             raise ActingError(
                 "object_features: expected steps that a verifier judged, since this agent learns, "
                 "got one without a reward",
                 code="learning.unjudged",
             )
-        super().observe(step, program)
+        super().observe(step, goal)
         if self._builder is None or self._window is None or step.evaluation:
+            return None
+        if not isinstance(goal, Program):  # `act` refuses it
+            self._builder = self._new_builder(self._window.learner)
             return None
         # A transition is true only if the arm executed this agent's command unaltered.
         pending = step.observation.step > 0 and not self._builder.at_boundary
         if pending and (step.executed is None or step.executed != self.last_command):
             self._builder = self._new_builder(self._window.learner)
         assert step.verdict is not None
-        trajectory = self._builder.observe(step.observation, step.verdict, program)
+        trajectory = self._builder.observe(step.observation, step.verdict, goal)
         return None if trajectory is None else self._window.add(trajectory)
+
+    def pursued(self, step: Step, goal: Goal) -> Program:
+        """The goal itself: rewards of a goal over time are not those of its programs."""
+        if isinstance(goal, Program):
+            return goal
+        raise over_time(goal, str(goal))
 
     def required(self) -> PublishedPolicy | Wait:
         if self.rejection:
@@ -146,9 +161,9 @@ class LearningAgent(Agent):
         window = FreeSendWindow if learner.free else SendWindow
         self._window = window(self.key, builder.sequence, learner)
         if self._step is not None:
-            step, program = self._step
-            if step.verdict is not None and not step.evaluation:
-                builder.observe(step.observation, step.verdict, program)
+            step, goal = self._step
+            if step.verdict is not None and not step.evaluation and isinstance(goal, Program):
+                builder.observe(step.observation, step.verdict, goal)
 
     def _new_builder(self, learner: LearnerInfo) -> TrajectoryBuilder:
         """Begin a trajectory at the next step and drop what was collected."""

@@ -18,9 +18,22 @@ from pa_ros.arena.designs import Design, Kind, kinds
 from pa_ros.arena.errors import ArenaError
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.text import did_you_mean
-from pa_ros.language import HAND, And, Expression, Not, Or, Program, Word, parse, satisfying
+from pa_ros.language import (
+    HAND,
+    And,
+    Expression,
+    Goal,
+    Not,
+    Or,
+    Program,
+    Then,
+    Word,
+    parse,
+    satisfying,
+)
 
 SEVERAL = (1, 2, 3)  # blocks named in the conditions `several-…`; `several-all` names all
+CHAINS = (2, 4, 8)  # programs of a THEN
 DEPTHS = (3, 4, 5, 6)  # depths of the longer programs; training programs are 2 deep
 NEAR_STARTS = 0.5  # in training: then random actions push the block, and learning can begin
 TRIES = 10_000  # draws of a longer program before it is given up
@@ -61,6 +74,7 @@ class Condition:
     moved_terms: Mapping[str, Term] = field(default_factory=dict)  # how programs name them
     # "moved", "target": its argument is an OR with another present object
     either: tuple[str, ...] = ()
+    chain: int = 0  # programs of a THEN; 0: a single program
     near_starts: float = 0.0  # share of episodes that start with the hand beside the moved block
 
     def __post_init__(self) -> None:
@@ -157,6 +171,20 @@ def _short(design: Design, count: int) -> list[tuple[Expression, tuple[Kind, ...
         if len(named) >= count and (len(named) < len(pool) or count == design.n_blocks):
             found.append((expression, named))
     return found
+
+
+def chain_for(
+    condition: Condition, design: Design, rng: np.random.Generator
+) -> tuple[Goal, list[Kind]]:
+    """A THEN of programs, each for another target than the one before, and the blocks it needs."""
+    order = rng.permutation(len(condition.targets))[: condition.n_blocks]
+    targets: list[Kind] = []
+    while len(targets) < condition.chain:
+        others = [condition.targets[i] for i in order if condition.targets[i] not in targets[-1:]]
+        targets.append(others[int(rng.integers(len(others)))])
+    drawn = [program_for(condition, design, target, rng) for target in targets]
+    required = [kind for _, needed in drawn for kind in needed]
+    return Then(tuple(program for program, _ in drawn)), [*dict.fromkeys((*targets, *required))]
 
 
 def moving_program(
@@ -269,6 +297,8 @@ def _conditions(design: Design) -> dict[str, Condition]:
     ]
     if design.novel:
         found.append(Condition("ignore-new", zero_shot, wider, n, new_distractor=True))
+    if len(zero_shot) > 1:
+        found += [Condition(f"chain-{count}", zero_shot, pool, n, chain=count) for count in CHAINS]
     found += _reach_new(design, wider, n)
     found += _by_relation(design, n)
     if len(varied) > 1:

@@ -10,12 +10,12 @@ from math import atan2, cos, hypot, pi, sin
 import numpy as np
 
 from pa_ros.arena.arms import ARMS
-from pa_ros.arena.conditions import Condition, moving_program, program_for
+from pa_ros.arena.conditions import Condition, chain_for, moving_program, program_for
 from pa_ros.arena.config import ArenaConfig, Joints
 from pa_ros.arena.controllers import joints_at
 from pa_ros.arena.designs import Design, Kind
 from pa_ros.arena.errors import ArenaError
-from pa_ros.language import Program, roles, satisfying
+from pa_ros.language import Goal, Program, roles, satisfying, stages
 from pa_ros.world.relation import RELATIONS
 
 RANDOM_STREAM = 0  # docs/DESIGN.md: streams of random numbers
@@ -40,7 +40,12 @@ class Episode:
     condition: str
     blocks: tuple[Block, ...]
     arm_start: Joints  # rad
-    program: Program
+    goal: Goal
+
+    @property
+    def program(self) -> Program:
+        """The program that is pursued first: the goal itself, unless it has several."""
+        return stages(self.goal)[0]
 
 
 def generate(
@@ -58,11 +63,17 @@ def generate(
         return _moving_episode(config, design, condition, index, rng)
     # The order of the draws must not change, because every published result depends on it.
     base = float(rng.uniform(config.joint_lower[0], config.joint_upper[0]))
-    target = condition.targets[int(rng.integers(len(condition.targets)))]
-    program, required = program_for(condition, design, target, rng)
-    named = satisfying(program, [kind.words for kind in condition.pool], None)
+    program: Goal
+    if condition.chain:
+        program, (target, *required) = chain_for(condition, design, rng)
+    else:
+        target = condition.targets[int(rng.integers(len(condition.targets)))]
+        program, needed = program_for(condition, design, target, rng)
+        required = list(needed)
+    words = [kind.words for kind in condition.pool]
+    named = np.any([satisfying(one, words, None) for one in stages(program)], axis=0)
     unnamed = [kind for kind, is_named in zip(condition.pool, named, strict=True) if not is_named]
-    chosen = [target, *required, *_distractors(condition, design, unnamed, list(required), rng)]
+    chosen = [target, *required, *_distractors(condition, design, unnamed, required, rng)]
     order = rng.permutation(len(chosen))
     blocks = tuple(
         Block(chosen[i], x, y, float(rng.uniform(-pi, pi)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -17,9 +18,10 @@ from pa_ros.arena.errors import ArenaError
 from pa_ros.arena.simulation import HAND_INDEX, Simulation
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64, Observation, Verdict
-from pa_ros.language import Program, require_target, roles
+from pa_ros.language import Goal, Program, require_possible, roles
 from pa_ros.world import Reward, Score, Scoring
 from pa_ros.world.measures import ProgramMeasures
+from pa_ros.world.progress import GoalWatch
 from pa_ros.world.world import World
 
 
@@ -36,26 +38,24 @@ def scoring_of(config: ArenaConfig, design: Design, reward: Reward | None = None
 
 class Verifier:
     """Scores the true state under one program, for one set of blocks (paper, section "Programmable
-    reaching environment"). This is privileged information."""
+    reaching environment"). This is privileged information.
+
+    It does not score what the program avoids; `GoalVerifier` does."""
 
     def __init__(
         self,
         program: Program,
         kinds: Sequence[Kind],
         scoring: Scoring,
-        may_name_nothing: bool = False,
         bodiless: Collection[str] = (),
     ) -> None:
         """`kinds` are the blocks and places, which are objects 1, 2, …
 
-        Raises ProgramError if the program cannot hold (`require_target`), unless it may name
-        nothing, and ConfigError for an unknown relation.
+        Raises ConfigError for an unknown relation.
         """
         # Raise ConfigError for an unknown relation now, not at the first step.
         scoring.threshold(program.relation)
-        words = [frozenset(), *(kind.words for kind in kinds)]
-        if not may_name_nothing:
-            require_target(program, words, HAND_INDEX, bodiless)
+        words = _words(kinds)
         self.program = program
         sets = roles(program, words, HAND_INDEX, bodiless)
         self.moved, self.targets = (tuple(np.flatnonzero(one).tolist()) for one in sets)
@@ -73,18 +73,64 @@ class Verifier:
         relation = self.program.relation
         return self._scoring.of_targets(self.targets, objects, relation, hand_pose, moved)
 
+
+class GoalVerifier:
+    """Follows a goal over the true states of an episode, from the next one on. Privileged."""
+
+    def __init__(
+        self,
+        goal: Goal,
+        kinds: Sequence[Kind],
+        scoring: Scoring,
+        bodiless: Collection[str] = (),
+    ) -> None:
+        """Raises ProgramError if the goal cannot hold (`require_possible`), and ConfigError for an
+        unknown relation."""
+        require_possible(goal, _words(kinds), HAND_INDEX, bodiless)
+        self._scoring, self._watch = scoring, GoalWatch(goal)
+        self.meet(kinds, bodiless)
+
+    def meet(self, kinds: Sequence[Kind], bodiless: Collection[str] = ()) -> None:
+        """Go on with other blocks; programs may name nothing now."""
+        self.verifier_of = lru_cache(None)(lambda p: Verifier(p, kinds, self._scoring, bodiless))
+        for program in self._watch.stages:  # raises for a wrong one now
+            self.verifier_of(program)
+        self.pursued = self.verifier_of(self._watch.program)
+        """The verifier of the program that is to be pursued now."""
+
+    @property
+    def goal(self) -> Goal:
+        """The whole goal."""
+        return self._watch.goal
+
+    def steps(self, config: ArenaConfig) -> int:
+        """Actions of an episode under the goal."""
+        return config.episode_steps * len(self._watch.stages)
+
     def verdict(self, objects: Float32, hand_pose: Float64, truncated: bool = False) -> Verdict:
-        """The score as it is published, and whether the episode's time limit is reached."""
-        measure, satisfied, reward = self.score(objects, hand_pose)
-        return Verdict(float(reward), bool(satisfied), float(measure), truncated)
+        """The verdict on the next state, and whether the episode's time limit is reached."""
+
+        def score(program: Program) -> Score:
+            known = self.pursued if program is self.pursued.program else self.verifier_of(program)
+            return known.score(objects, hand_pose)
+
+        verdict = self._watch.verdict(score, self._scoring.reward, truncated)
+        if self.pursued.program is not self._watch.program:
+            self.pursued = self.verifier_of(self._watch.program)
+        return verdict
+
+
+def _words(kinds: Sequence[Kind]) -> list[frozenset[str]]:
+    return [frozenset(), *(kind.words for kind in kinds)]
 
 
 class ReachTask:
     """Reach for the object that the program names (paper, "Programmable reaching environment").
 
-    An episode has `config.episode_steps` actions; then `Verdict.truncated` is set and the next
-    call must be a reset. Episodes never terminate. The stamp of each observation, including those
-    of resets, is one control period later than the previous one.
+    An episode has `config.episode_steps` actions for each program of its goal; then
+    `Verdict.truncated` is set and the next call must be a reset. Episodes never terminate. The
+    stamp of each observation, including those of resets, is one control period later than the
+    previous one.
     """
 
     def __init__(
@@ -141,10 +187,10 @@ class ReachTask:
         )
 
     def reset_to(self, episode: Episode) -> tuple[Observation, Verdict]:
-        """Start a given episode with its own program."""
-        verifier = self._verifier(episode, episode.program)
+        """Start a given episode with its own goal."""
+        verifier = self._verifier(episode, episode.goal)
         self.simulation.place(episode)
-        self._episode, self.verifier = episode, verifier
+        self._episode, self._goal = episode, verifier
         self._note_named()
         self._step, self._programs = 0, 0
         self.program_id = f"{episode.index}.0"
@@ -152,34 +198,50 @@ class ReachTask:
         return self._observe()
 
     def set_program(
-        self, program: Program, program_id: str | None = None
+        self, program: Goal, program_id: str | None = None
     ) -> tuple[Observation, Verdict]:
-        """Change the program; returns the current step, scored by the new program.
+        """Change the goal; returns the current step, which is the new goal's first.
 
-        Raises ProgramError if the program names no present block; then nothing changes. The
+        Raises ProgramError if the goal cannot hold in this episode; then nothing changes. The
         default id is new in this episode.
         """
         episode = self.episode
-        self.verifier = self._verifier(episode, program)
+        self._goal = self._verifier(episode, program)
         self._programs += 1
         self.program_id = program_id or f"{episode.index}.{self._programs}"
         return self._observe()
 
-    def check(self, program: Program, episode: Episode) -> None:
-        """Raise ProgramError unless the program can hold in an episode."""
+    def check(self, program: Goal, episode: Episode) -> None:
+        """Raise ProgramError unless the goal can hold in an episode."""
         self._verifier(episode, program)
 
     def rearrange(self, episode: Episode, poses: Float64, twists: Float64) -> None:
-        """Continue the episode with other blocks (see `Simulation.rearrange`). Program, step and
-        time stay; the program may name nothing now."""
+        """Continue the episode with other blocks (see `Simulation.rearrange`). Goal, stage, step
+        and time stay; the goal may name nothing now."""
         self.simulation.rearrange(episode, poses, twists)
         self._episode = episode
-        self.verifier = self._verifier(episode, self.program, may_name_nothing=True)
+        kinds = [block.kind for block in episode.blocks]
+        self._goal.meet(kinds, self.design.vocabulary.bodiless)
         self._note_named()
 
     @property
+    def goal(self) -> Goal:
+        """The current goal."""
+        return self._goal.goal
+
+    @property
+    def verifier(self) -> Verifier:
+        """The verifier of the program that is pursued at the current step."""
+        return self._goal.pursued
+
+    def verifier_of(self, program: Program) -> Verifier:
+        """The verifier of any program in the current episode."""
+        return self._goal.verifier_of(program)
+
+    @property
     def program(self) -> Program:
-        """The current program."""
+        """The program of the goal that is pursued at the current step: the goal itself, unless it
+        has several."""
         return self.verifier.program
 
     def step(self, joint_velocity: Float64) -> tuple[Observation, Verdict]:
@@ -188,7 +250,7 @@ class ReachTask:
         Raises ArenaError: arena.command for a command of the wrong size or with non-finite numbers,
         arena.episode before the first reset and after the time limit. Then nothing moves.
         """
-        if self._step >= self.config.episode_steps:
+        if self._step >= self._goal.steps(self.config):
             raise ArenaError(
                 f"the episode was truncated at step {self._step}: expected a reset",
                 code="arena.episode",
@@ -209,12 +271,10 @@ class ReachTask:
         self._stamp_ns += self._period_ns
         return self._observe()
 
-    def _verifier(
-        self, episode: Episode, program: Program, may_name_nothing: bool = False
-    ) -> Verifier:
+    def _verifier(self, episode: Episode, goal: Goal) -> GoalVerifier:
         kinds = [block.kind for block in episode.blocks]
         bodiless = self.design.vocabulary.bodiless
-        return Verifier(program, kinds, self.scoring, may_name_nothing, bodiless)
+        return GoalVerifier(goal, kinds, self.scoring, bodiless)
 
     @property
     def episode(self) -> Episode:
@@ -235,8 +295,8 @@ class ReachTask:
             program_id=self.program_id,
             hand_pose=self.simulation.hand_pose,
         )
-        truncated = self._step >= self.config.episode_steps
-        verdict = self.verifier.verdict(observation.objects, observation.hand_pose, truncated)
+        truncated = self._step >= self._goal.steps(self.config)
+        verdict = self._goal.verdict(observation.objects, observation.hand_pose, truncated)
         if self._measures is not None:
             measures = self._measures(self._named, observation.objects, observation.hand_pose)
             verdict = replace(verdict, measures=tuple(measures.tolist()))

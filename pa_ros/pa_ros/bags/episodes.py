@@ -40,6 +40,8 @@ class Row:
     policy_version: int = -1  # of the weights that chose the action
     reward: float = float("nan")  # of this row's state
     distance: float = float("nan")  # m, to the nearest object that the program names
+    stage: int = 0  # of a goal over time: which of its programs is pursued
+    satisfied: bool | None = None  # None: not recorded
 
     @property
     def looks(self) -> bytes:
@@ -81,6 +83,7 @@ class RecordedEpisode:
             "policy_version": np.array([row.policy_version for row in rows]),
             "reward": np.array([row.reward for row in rows]),
             "distance": np.array([row.distance for row in rows]),
+            "stage": np.array([row.stage for row in rows]),
             "program": np.array([row.program for row in rows]),
         }  # fmt: skip
 
@@ -202,6 +205,7 @@ class _Builder:
         )
         if step.verdict is not None:
             row.reward, row.distance = step.verdict.reward, step.verdict.distance
+            row.stage, row.satisfied = step.verdict.stage, step.verdict.satisfied
         newest.rows.append(row)
         self._rows[seen.stamp_ns] = row
         if seen.stamp_ns in self._early:

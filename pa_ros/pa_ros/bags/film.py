@@ -16,10 +16,10 @@ from pa_ros.arena.render import draw
 from pa_ros.bags.episodes import RecordedEpisode, Row
 from pa_ros.bags.errors import BagError
 from pa_ros.core.experience import Float32, Float64
-from pa_ros.language import parse
+from pa_ros.language import parse, parse_goal, stages
 from pa_ros.language.errors import ProgramError
 from pa_ros.wire.arena import ArenaDescription
-from pa_ros.world.relation import measured
+from pa_ros.world.relation import at_stage, measured
 
 
 class Stage:
@@ -32,7 +32,7 @@ class Stage:
         config = preset_named(arena.preset, arena.arm).changed(episode_steps=arena.episode_steps)
         design = design_named(arena.design).with_relations(*arena.world.relations)
         self.task = ReachTask(config, design, arena.seed)
-        self._shown: str | None = None  # the recorded program in force
+        self._shown: tuple[str, int] | None = None  # the recorded program in force, its stage
         self._vocabulary, self._number = self.task.design.vocabulary, episode.number
         self._furnish(episode.rows[0], episode.rows[0].joint_position)
 
@@ -67,11 +67,15 @@ class Stage:
             mujoco.mju_mulQuat(turn, data.xquat[hand], np.roll(block[3:7], 1))
             self.task.simulation.put(i, origin + rotation @ block[:3], turn)
         mujoco.mj_kinematics(model, data)
-        if row.program != self._shown:
-            self._shown = row.program
+        if (row.program, row.stage) != self._shown:
+            self._shown = row.program, row.stage
             try:
-                self.task.set_program(parse(row.program, self._vocabulary))
-            except ProgramError:  # no program is in force, or its text is not recorded
+                pursued = stages(parse_goal(row.program, self._vocabulary))[row.stage]
+                self.task.set_program(pursued)
+            except (
+                ProgramError,
+                IndexError,
+            ):  # no program is in force, or its text is not recorded
                 self.task.verifier.moved = self.task.verifier.targets = ()
 
 
@@ -101,7 +105,9 @@ def _caption(row: Row) -> tuple[str, str]:
     if np.isfinite(row.reward):
         parts.append(f"reward {row.reward:+.2f}")
     if np.isfinite(row.distance):
-        parts.append(f"distance {measured(row.program, row.distance)}")
+        parts.append(f"distance {measured(row.program, row.distance, row.stage)}")
+    if stage := at_stage(row.program, row.stage):
+        parts.append(stage)
     return row.program or "no program", "   ".join(parts)
 
 

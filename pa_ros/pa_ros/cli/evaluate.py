@@ -8,7 +8,10 @@ from math import isnan
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from pa_ros.arena import ArenaConfig, Design
+import numpy as np
+
+from pa_ros.acting.actor import Actor
+from pa_ros.arena import ArenaConfig, Design, condition_named
 from pa_ros.cli.options import add_setting, add_settings, file_to_write, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device, versions
@@ -30,9 +33,10 @@ from pa_ros.evaluation.generalization import (
     conditions_of,
     summarize,
 )
+from pa_ros.evaluation.judgement import Judgement
 from pa_ros.evaluation.pushing import CLOSE_M, ends
 from pa_ros.evaluation.scorer import Benchmark, Scorer
-from pa_ros.language import MIN_MAX, Vocabulary, logic_named
+from pa_ros.language import MIN_MAX, Program, Vocabulary, logic_named, parse_goal
 
 ALL = "all"
 ITS_OWN = "the design's"
@@ -52,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="train, eval, only-color, … (docs/evaluation.md), `random` for random weights, "
         "`all` for all of them (%(default)s)",
     )
-    add_settings(parser, EvaluationConfig, "episodes", "seed", "layouts", "logic")
+    add_settings(parser, EvaluationConfig, "episodes", "seed", "layouts", "logic", "judge")
     parser.add_argument("--json", type=file_to_write, help="also write the figures to this file")
 
 
@@ -62,6 +66,8 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError(f"eval --condition {options.condition}: expected --checkpoint, got none")
     if options.policy and options.logic != MIN_MAX.name:
         raise ConfigError(f"eval --logic: expected --checkpoint, got --policy {options.policy}")
+    if options.policy and options.judge != "verifier":
+        raise ConfigError(f"eval --judge: expected --checkpoint, got --policy {options.policy}")
     if options.checkpoint and options.relations:
         raise ConfigError("eval --relations: expected --policy with it: a checkpoint has its own")
     if options.checkpoint:
@@ -71,9 +77,14 @@ def run(options: argparse.Namespace) -> int:
         if options.condition == ALL:
             return _all_conditions(agent, options)
         agent, drawn_from = acting_under(options.condition, agent, options.seed)
+        judgement = None
+        if options.judge == "agent" or condition_named(drawn_from, agent.design).chain:
+            actor = Actor.of(agent.snapshot, logic)
+            judgement = Judgement(actor, options.judge == "agent")
         report = _report(
-            options, agent.design, agent.arena, agent.policy, drawn_from, agent.perception
-        )
+            options, agent.design, agent.arena, agent.policy, drawn_from,
+            agent.perception, judgement,
+        )  # fmt: skip
         report = {**report, "eval.logic": agent.logic.name, "eval.weights": agent.digest}
     else:
         chosen = settings_from(options, EvaluationConfig)
@@ -90,23 +101,36 @@ def _report(
     policy: AgentPolicy | str,
     drawn_from: str,
     perception: str = "",
+    judgement: Judgement | None = None,
 ) -> Report:
     seed = options.seed if options.layouts == "shared" else layouts_seed(options.seed, drawn_from)
-    asked = drawn_from, options.episodes, seed
-    evaluation = evaluate(arena, design, policy, *asked, perception=perception)
+    evaluation = evaluate(
+        arena, design, policy, drawn_from, options.episodes, seed,
+        perception=perception, pursued=None if judgement is None else judgement.program,
+    )  # fmt: skip
     for row in by_program(evaluation):
         print(f"{row.program}: {row.episodes} episodes, {row.reward_per_step:+.3f} per step, "
               f"{row.success_rate:.0%} near at the end")  # fmt: skip
     return {
         **figures(evaluation),
         **_ends(evaluation, design.vocabulary),
+        **({} if judgement is None else judgement.report()),
         "eval.condition": options.condition,
         **_setting(options, design, arena),
     }
 
 
 def _ends(evaluation: Evaluation, vocabulary: Vocabulary) -> Report:
-    """How episodes ended where blocks can be moved; spheres apart, since they roll on."""
+    """How episodes ended: of goals over time, and where blocks can be moved; spheres apart, since
+    they roll on."""
+    goals = [parse_goal(score.program, vocabulary) for score in evaluation.scores]
+    if not all(isinstance(goal, Program) for goal in goals):
+        rows = [(s.success, s.ever, s.violated, s.stage + s.success) for s in evaluation.scores]
+        names = ("success", "ever", "violations", "programs_done")
+        return {
+            f"eval.{name}": float(np.mean(column))
+            for name, column in zip(names, zip(*rows, strict=True), strict=True)
+        }
     report: dict[str, float | int | str] = {}
     found = ends(evaluation.scores, vocabulary) if vocabulary.moves_objects else {}
     for named, own in sorted(found.items()):

@@ -108,7 +108,9 @@ class _Feedback:
         self._said_at = time.monotonic()
         meant = zip(progress.objects, progress.relevance, strict=False)
         words = ", ".join(f"{printable(name)} {p:.2f}" for name, p in meant if name != "hand")
-        where = measured(self._program, progress.distance)
+        where = measured(self._program, progress.distance, progress.stage)
+        if progress.stages > 1:
+            where = f"stage {progress.stage + 1} of {progress.stages}: {where}"
         print(f"  {where}; p of {words or 'nothing yet'}", flush=True)
 
 

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from pa_ros.acting.execution import Execution, ExecutionWatch
+from pa_ros.acting.execution import Execution, ExecutionWatch, window_s
 from pa_ros.console import markup
 from pa_ros.core.experience import Step
 from pa_ros.wire.program import ProgramStatus
@@ -51,7 +51,9 @@ class History:
 
     def add(self, program_id: str, text: str, note: str = "") -> None:
         """Add a program that is sent now, or with a note why it is not."""
-        self.entries.appendleft(Entry(program_id, text, ExecutionWatch(program_id), note))
+        self.entries.appendleft(
+            Entry(program_id, text, ExecutionWatch(program_id, window_s(text)), note)
+        )
 
     @property
     def pending(self) -> bool:

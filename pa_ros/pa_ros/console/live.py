@@ -21,7 +21,7 @@ from pa_ros.console.server import ConsoleError, attempt
 from pa_ros.console.services import ArenaServices
 from pa_ros.console.sources import DEPTH, Sampler
 from pa_ros.core.errors import PaError
-from pa_ros.language import Vocabulary, parse
+from pa_ros.language import Vocabulary, parse_goal
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import ARENA_INFO, OBJECT_FEATURES, PROGRAM, PROGRAM_STATUS, SAMPLES
 from pa_ros.tools.client import namespaces_of_arenas
@@ -170,7 +170,7 @@ class LiveConsole:
         try:
             if self.vocabulary is None:
                 raise ConsoleError("no arena is known yet")
-            request = ProgramRequest(program_id, str(parse(text, self.vocabulary)))
+            request = ProgramRequest(program_id, str(parse_goal(text, self.vocabulary)))
         except PaError as error:
             self._history.add(program_id, text, note=str(error).partition("\n")[0])
             return
@@ -194,11 +194,13 @@ class LiveConsole:
         self._history.observe(steps)
         newest = steps[-1]
         seen, judged = newest.observation, newest.verdict
-        explanation, why = explained(self._weights.insight, seen, newest.program, vocabulary)
+        stage = judged.stage if judged else 0
+        insight = self._weights.insight
+        explanation, why = explained(insight, seen, newest.program, vocabulary, stage)
         moment = Moment(
             arena, seen, newest.evaluation, newest.program,
             judged.reward if judged else nan, judged.distance if judged else nan,
-            judged.satisfied if judged else None, explanation, self._weights.why or why,
+            judged.satisfied if judged else None, explanation, self._weights.why or why, stage,
         )  # fmt: skip
         factor = self._figures.value(f"/{self._namespace}/sim_node".replace("//", "/"), RATE)
         self.speed = factor if arena.mode is Mode.REAL_TIME else None

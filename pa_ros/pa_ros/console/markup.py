@@ -8,8 +8,9 @@ from html import escape
 from pa_ros.acting.insight import Explanation
 from pa_ros.console.moment import Moment
 from pa_ros.core.errors import PaError
-from pa_ros.language import Vocabulary, parse
-from pa_ros.world.relation import measured
+from pa_ros.language import Vocabulary, parse_goal
+from pa_ros.language.parser import OPERATORS, OVER_TIME
+from pa_ros.world.relation import at_stage, measured
 
 SHOWN = 300  # characters of a text from outside
 _CELL = "padding:1px 5px;text-align:right;font-variant-numeric:tabular-nums;"
@@ -91,11 +92,14 @@ def state(moment: Moment, speed: str = "") -> str:
     verdict = {True: "satisfied", False: "not yet", None: "not recorded"}[moment.satisfied]
     program = moment.program
     if program:
-        verdict += f": {measured(program, moment.distance)}"
-        if (limit := moment.arena.threshold(program)) is not None:
-            verdict += f", at most {measured(program, limit)} is wanted"
+        stage = moment.stage
+        verdict += f": {measured(program, moment.distance, stage)}"
+        if (limit := moment.arena.threshold(program, stage)) is not None:
+            verdict += f", at most {measured(program, limit, stage)} is wanted"
+    at = at_stage(program, moment.stage)
     rows = [
         ("program", program or "none in force"),
+        *([("stage", at)] if at else []),
         ("verdict", verdict),
         ("reward", f"{moment.reward:+.2f}"),
         ("time", f"{kind} {seen.episode}, step {seen.step}, {seen.stamp_ns / 1e9:.1f} s{speed}"),
@@ -117,7 +121,7 @@ def reading(text: str, vocabulary: Vocabulary) -> str:
     if not text.strip():
         return quiet("type a program, or choose an example")
     try:
-        canonical = str(parse(text, vocabulary))
+        canonical = str(parse_goal(text, vocabulary))
     except PaError as error:
         message, _, excerpt = str(error).partition("\n")
         below = _block(escape(excerpt), "#c33", "Where") if len(text) <= SHOWN else ""
@@ -129,7 +133,8 @@ def completions(text: str, vocabulary: Vocabulary) -> tuple[str, ...]:
     """Return the words that begin with the text's last, unfinished word."""
     stem = _last_word(text)
     relations = [f"{relation}(HAND, " for relation in vocabulary.relations]
-    words = (*relations, "AND(", "OR(", "NOT(", *vocabulary.words)
+    operators = [f"{name}(" for name in (*OPERATORS, *OVER_TIME)]
+    words = (*relations, *operators, *vocabulary.words)
     return tuple(word for word in words if stem and word.startswith(stem) and word != stem)
 
 

@@ -24,6 +24,7 @@ class Moment:
     satisfied: bool | None = None  # None: not recorded
     explanation: Explanation | None = None  # None: no weights, or none that fit
     unexplained: str = ""  # why there is no explanation
+    stage: int = 0  # of a goal over time: which of its programs is pursued
 
     @property
     def row(self) -> Row:
@@ -37,6 +38,7 @@ class Moment:
             self.program,
             joint_position=seen.joint_position,
             joint_velocity=seen.joint_velocity,
+            stage=self.stage,
         )
 
     @property

@@ -57,10 +57,10 @@ class Replay:
         seen = _observation(recorded, row)
         insight, missing = self._insight(_acting_version(recorded, step))
         vocabulary = self.arena.world.vocabulary
-        explanation, why = explained(insight, seen, row.program, vocabulary)
+        explanation, why = explained(insight, seen, row.program, vocabulary, row.stage)
         return Moment(
             self.arena, seen, recorded.evaluation, row.program, row.reward, row.distance,
-            _satisfied(self.arena, row), explanation, missing or why,
+            _satisfied(self.arena, row), explanation, missing or why, row.stage,
         )  # fmt: skip
 
     def _load(self, version: int) -> tuple[Insight | None, str]:
@@ -114,6 +114,8 @@ def _observation(episode: RecordedEpisode, row: Row) -> Observation:
 
 def _satisfied(arena: ArenaDescription, row: Row) -> bool | None:
     """Return whether the program held, by the arena's threshold; None if that is not recorded."""
+    if row.satisfied is not None:
+        return row.satisfied
     threshold = arena.threshold(row.program)
     return None if threshold is None or np.isnan(row.distance) else row.distance <= threshold
 

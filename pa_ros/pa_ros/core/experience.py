@@ -30,12 +30,14 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """The verifier's answer for the state in an observation, under the program in force."""
+    """The verifier's answer for the state in an observation, under the goal in force."""
 
     reward: float  # pa_ros.world.Scoring's; in the paper +1 satisfied, -1 not
     satisfied: bool
     distance: float  # least measure of the relation among what the program names; inf if it is none
     truncated: bool  # the episode's time limit was reached (not a termination)
+    stage: int = 0  # the program of the goal that is pursued, in the order of the text
+    violated: bool = False  # an object to be avoided was near, so the goal cannot hold any more
     measures: tuple[float, ...] | None = None
     """The distance under each training program, inf if it names nothing here; None: not said."""
 

@@ -63,6 +63,10 @@ class EvaluationConfig(ArenaChoice):
     logic: Annotated[str, OneOf(lambda: LOGICS)] = Field(
         MIN_MAX.name, description="logic by which an agent executes programs"
     )
+    judge: Annotated[str, OneOf(lambda: ("verifier", "agent"))] = Field(
+        "verifier",
+        description="whose judgement leads from one program of a goal to the next",
+    )
 
 
 @dataclass(frozen=True)
@@ -110,8 +114,8 @@ def _run_episode(
         observation, verdict = task.step(act(observation))
         total, steps, ever = total + verdict.reward, steps + 1, ever or verdict.satisfied
         truncated = verdict.truncated
-    program, end = str(task.program), (verdict.satisfied, verdict.distance)
-    return EpisodeScore(task.episode.index, program, total / steps, *end, ever)
+    end = verdict.satisfied, verdict.distance, ever, verdict.stage, verdict.violated
+    return EpisodeScore(task.episode.index, str(task.goal), total / steps, *end)
 
 
 def reference_policy(task: ReachTask, name: str) -> Callable[[Observation], Float64]:
@@ -136,10 +140,12 @@ def evaluate(
     seed: int,
     n_blocks: int | None = None,
     perception: str = "",
+    pursued: Callable[[Observation, ReachTask], Program] | None = None,
 ) -> Evaluation:
     """Evaluate an agent, or a reference by name, and both references on the same episodes.
 
-    `perception` is the calibration of the agent's camera (`perception.task_seen`).
+    `perception` is the calibration of the agent's camera (`perception.task_seen`). `pursued` says
+    which program of a goal the agent executes at a step; by default the verifier.
     """
     if n_blocks is not None:
         design = replace(design, n_blocks=n_blocks)
@@ -151,7 +157,12 @@ def evaluate(
     else:
         agent = policy
         seen = task_seen(config, design, seed, perception) if perception else task
-        scores = tuple(run_episodes(seen, lambda o: agent(o, seen.program), condition, episodes))
+
+        def act(observation: Observation) -> Float64:
+            program = seen.program if pursued is None else pursued(observation, seen)
+            return agent(observation, program)
+
+        scores = tuple(run_episodes(seen, act, condition, episodes))
     return Evaluation(condition, scores, references["random"], references["scripted"])
 
 

@@ -56,11 +56,14 @@ class ConditionRow:
 def conditions_of(design: Design) -> tuple[str, ...]:
     """All conditions of a design: those of CONDITIONS, then custom ones in the design's order.
 
-    Numbers of blocks are only those of CONDITIONS.
+    Numbers of blocks are only those of CONDITIONS. Chains of programs are left out, since their
+    episodes are long.
     """
     known = conditions_for(design)
     ours = [name for name in CONDITIONS if name in (*known, RANDOM_WEIGHTS)]
-    own = [name for name in known if name not in ours and not name.startswith("blocks-")]
+    own = [
+        name for name in known if name not in ours and not name.startswith(("blocks-", "chain-"))
+    ]
     return (*ours, *own)
 
 

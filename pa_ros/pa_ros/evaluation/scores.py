@@ -28,6 +28,8 @@ class EpisodeScore:
     success: bool  # the program was satisfied when the episode ended
     distance: float  # in the relation's unit, of the nearest two objects to be related, at the end
     ever: bool = False  # the program was satisfied at some step
+    stage: int = 0  # of a goal over time: which of its programs was pursued at the end
+    violated: bool = False  # of a goal over time: what is to be avoided was near
 
 
 @dataclass(frozen=True, slots=True)

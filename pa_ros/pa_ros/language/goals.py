@@ -119,7 +119,8 @@ def _placed(
                 start += len(f"AVOID({goal.avoided}, ")
             sets = tuple(expression for _, expression in avoided)
             joined = None if not sets else sets[0] if len(sets) == 1 else Or(sets)
-            yield start, replace(goal, avoided=joined), avoided
+            same = goal.avoided == joined
+            yield start, goal if same else replace(goal, avoided=joined), avoided
         case Avoid(expression, inner):
             avoided = (*avoided, (start + len("AVOID("), expression))
             yield from _placed(inner, start + len(f"AVOID({expression}, "), avoided)

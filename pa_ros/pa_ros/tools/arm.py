@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pa_ros import Result
-from pa_ros.acting.execution import HOLD_S, WINDOW_S
+from pa_ros.acting.execution import HOLD_S, window_s
 from pa_ros.core.errors import PaError
-from pa_ros.language import parse, require_target
+from pa_ros.language import parse, parse_goal, require_possible
 from pa_ros.tools.client import NoAnswerError
 from pa_ros.tools.connection import Connection
 from pa_ros.tools.domain import DomainClaim
@@ -151,9 +151,9 @@ class Arm:
         """
         scene = self.scene()
         vocabulary = scene.arena.world.vocabulary
-        parsed = parse(program, vocabulary)
+        parsed = parse_goal(program, vocabulary)
         present = [set(name.split()) for name in scene.blocks]
-        require_target(parsed, present, None, vocabulary.bodiless)
+        require_possible(parsed, present, None, vocabulary.bodiless)
         return str(parsed)
 
     def explain(self, program: str = "") -> Explanation:
@@ -180,13 +180,14 @@ class Arm:
     def execute(
         self,
         program: str,
-        timeout: float = WINDOW_S,
+        timeout: float | None = None,
         hold: float = HOLD_S,
         progress: Callable[[GoalProgress], None] = lambda _: None,
     ) -> Result:
         """Execute a program until it has been satisfied for `hold`, or for `timeout`.
 
-        Both are seconds of the arena's time. Not to reach the target is a result, no error. Where
+        Both are seconds of the arena's time; by default the timeout is 10 s for each program of a
+        goal. Not to reach the target is a result, no error. Where
         nobody takes goals (agents that learn, other controllers), the program is published, and the
         arena's verdicts are watched. Ctrl-C cancels it.
 
@@ -201,15 +202,16 @@ class Arm:
         reason = "" if found.satisfied else found.text(program)
         return Result(program, found.satisfied, found.distance, found.reached_s, reason)
 
-    def start(self, program: str, timeout: float = WINDOW_S, hold: float = HOLD_S) -> Goal:
+    def start(self, program: str, timeout: float | None = None, hold: float = HOLD_S) -> Goal:
         """Begin to execute a program as `execute` does, and return at once.
 
         A timeout of 0 is none. Raises NoAnswerError if no agent takes goals.
         """
-        text = str(parse(program, self.arena.world.vocabulary))
+        text = str(parse_goal(program, self.arena.world.vocabulary))
         if not self.graph.until(self.graph.goals.server_is_ready):
             raise NoAnswerError(f"execute: {NO_AGENT}", code="arm.no_agent")
-        self.goal = Goal(self.graph, ProgramGoal(text, timeout, hold))
+        given = window_s(text) if timeout is None else timeout
+        self.goal = Goal(self.graph, ProgramGoal(text, given, hold))
         return self.goal
 
     def cancel(self) -> None:
@@ -217,7 +219,7 @@ class Arm:
         if self.goal is not None:
             self.goal.cancel()
 
-    def send(self, program: str, timeout: float = WINDOW_S, hold: float = HOLD_S) -> Answers:
+    def send(self, program: str, timeout: float | None = None, hold: float = HOLD_S) -> Answers:
         """Publish a program to everyone; the answers of the arena, the agent and others.
 
         It stays in force until another one comes. Raises NoAnswerError if one of them is silent.

@@ -23,7 +23,7 @@ from pa_ros.tools.monitor import GraphFigures
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, decode_arena_info
 from pa_ros.wire.step import decode_step
-from pa_ros.world.relation import measured
+from pa_ros.world.relation import at_stage, measured
 
 MAX_SUGGESTIONS = 12
 POLL_S = 0.5  # between two checks whether an arena publishes samples
@@ -88,7 +88,10 @@ class Scene:
         """The distance with its unit, and whether the program is satisfied."""
         if not isfinite(self.distance):
             return "-"
-        return measured(self.program, self.distance) + (", satisfied" if self.satisfied else "")
+        stage = self.step.verdict.stage if self.step.verdict else 0
+        where = measured(self.program, self.distance, stage)
+        at = at_stage(self.program, stage)
+        return f"{where}{', satisfied' if self.satisfied else ''}{', ' if at else ''}{at}"
 
 
 class SceneMonitor:

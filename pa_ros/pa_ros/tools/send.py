@@ -9,7 +9,7 @@ from functools import partial
 
 from rclpy.node import Node
 
-from pa_ros.acting.execution import HOLD_S, WINDOW_S, Execution, ExecutionWatch
+from pa_ros.acting.execution import HOLD_S, Execution, ExecutionWatch, window_s
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import (
@@ -73,16 +73,17 @@ class ProgramSender:
             topic.subscribe(node, self.refusals.guard(topic.name, callback))
 
     def send(
-        self, text: str, timeout_s: float, window_s: float = WINDOW_S, hold_s: float = HOLD_S
+        self, text: str, timeout_s: float, time_s: float | None = None, hold_s: float = HOLD_S
     ) -> Answers:
         """Publish a program and wait until an arena, an agent and all others have answered.
 
-        Returns at the first refusal. Raises NoAnswerError if a node doesn't answer. Window and hold
-        are those of `ExecutionWatch`, for `wait`.
+        Returns at the first refusal. Raises NoAnswerError if a node doesn't answer. `time_s` and
+        hold are those of `ExecutionWatch`, for `wait`; by default as long as the goal is given.
         """
         self._program_id = f"send-{uuid.uuid4().hex[:16]}"
         self.answers, self._execution = Answers(), None
-        self._watch = ExecutionWatch(self._program_id, window_s, hold_s)
+        window = window_s(text) if time_s is None else time_s
+        self._watch = ExecutionWatch(self._program_id, window, hold_s)
         self._message = encode_program(ProgramRequest(self._program_id, text))
         self._publish()
         if not self._spin(self._answered, timeout_s):

@@ -14,15 +14,15 @@ from uuid import uuid4
 import numpy as np
 
 from msgs_schema import msg
-from pa_ros.language import HAND, Program, parse
+from pa_ros.language import Program, parse
 from pa_ros.wire import WireError
 from pa_ros.wire.fields import copy_fields, fields_of, float64_field, read_stamp, write_stamp
 from pa_ros.world import Sparse
-from pa_ros.world.relation import RELATIONS
+from pa_ros.world.relation import RELATIONS, programs_in
 from pa_ros.world.world import World
 
 # Edition of msgs_schema. Raise it when a receiver of one edition could misread the other.
-WIRE_VERSION = "5"
+WIRE_VERSION = "6"
 NO_STAMP = 0
 SPARSE = Sparse().to_json()  # the paper's reward
 ENDLESS = 2**31 - 1  # steps of an episode without a time limit
@@ -66,11 +66,13 @@ class ArenaDescription:
     arena_id: str = ""
     software_version: str = ""
 
-    def threshold(self, program: str) -> float | None:
-        """Where the relation of a program's text begins to hold; None if it is of another world."""
-        relation, _, sets = program.partition("(")
+    def threshold(self, goal: str, stage: int = 0) -> float | None:
+        """Where the relation of a stage of a goal's text begins to hold; None if it is of another
+        world."""
+        programs = programs_in(goal)
+        relation, moves_hand = programs[stage] if stage < len(programs) else ("", True)
         own = dict(zip(self.world.relations, self.thresholds, strict=True)).get(relation)
-        if own is None or sets.startswith(f"{HAND.name},"):
+        if own is None or moves_hand:
             return own
         return RELATIONS[relation].between or own
 

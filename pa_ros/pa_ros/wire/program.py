@@ -60,6 +60,8 @@ class GoalProgress:
     objects: tuple[str, ...]  # [N] labels
     relevance: tuple[float, ...]  # [N] p, or empty
     policy_version: int
+    stage: int = 0  # the program that is pursued, in the order of the text
+    stages: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +140,8 @@ def encode_goal_feedback(progress: GoalProgress) -> action.ExecuteProgram.Feedba
         objects=list(progress.objects),
         relevance=float32_field(np.array(progress.relevance, np.float32)),
         policy_version=progress.policy_version,
+        stage=progress.stage,
+        stages=progress.stages,
     )
 
 
@@ -149,6 +153,8 @@ def decode_goal_feedback(message: action.ExecuteProgram.Feedback) -> GoalProgres
         tuple(message.objects),
         tuple(message.relevance),
         message.policy_version,
+        message.stage,
+        message.stages,
     )
 
 

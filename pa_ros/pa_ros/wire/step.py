@@ -79,6 +79,7 @@ def encode_step(step: Step, into: msg.ObjectFeatures | None = None) -> msg.Objec
     message.judged = step.verdict is not None
     message.reward, message.satisfied = verdict.reward, verdict.satisfied
     message.distance, message.truncated = verdict.distance, verdict.truncated
+    message.stage, message.violated = verdict.stage, verdict.violated
     return message
 
 
@@ -140,6 +141,7 @@ def encode_verdict(step: Step, into: msg.Verdict | None = None) -> msg.Verdict:
     verdict = step.verdict or NOT_JUDGED
     message.reward, message.satisfied = verdict.reward, verdict.satisfied
     message.distance, message.truncated = verdict.distance, verdict.truncated
+    message.stage, message.violated = verdict.stage, verdict.violated
     return message
 
 
@@ -151,7 +153,8 @@ def _read_verdict(message: msg.ObjectFeatures) -> Verdict:
     if not distance >= 0.0:
         expected = "at least 0, or inf"
         raise WireError("object_features.distance", expected, distance, code="wire.range")
-    return Verdict(reward, message.satisfied, distance, message.truncated)
+    given = message.satisfied, distance, message.truncated, message.stage, message.violated
+    return Verdict(reward, *given)
 
 
 def objects_and_hand(where: str, message: msg.ObjectFeatures | msg.Trajectory) -> tuple[int, int]:

@@ -6,6 +6,7 @@ here. A custom relation is one file that calls `register`.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -17,6 +18,7 @@ import numpy as np
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64
 from pa_ros.core.extensions import Registry
+from pa_ros.language.syntax import HAND
 from pa_ros.world.poses import IDENTITY, POSE_WIDTH, in_base, in_hand
 
 Measure = Callable[[Float64, Float64], Float64]
@@ -104,10 +106,24 @@ def register(relation: Relation) -> Relation:
     return RELATIONS.register(relation.name, relation)
 
 
-def measured(program: str, value: float) -> str:
-    """A measure of a program's relation with its unit, by the program's text: "0.05 m"."""
-    relation = program.partition("(")[0].strip()
-    return f"{value:.2f} {RELATIONS[relation].unit if relation in RELATIONS else ''}".rstrip()
+def programs_in(goal: str) -> list[tuple[str, bool]]:
+    """The relation of each program of a goal, in the order of its text, and whether the program
+    moves the hand."""
+    found = re.findall(r"(\w+)\s*\(\s*(?=(\w+))", goal)
+    return [(name, first == HAND.name) for name, first in found if name in RELATIONS]
+
+
+def measured(goal: str, value: float, stage: int = 0) -> str:
+    """A measure with the unit of the relation that is pursued at a stage of a goal: "0.05 m"."""
+    programs = programs_in(goal)
+    unit = RELATIONS[programs[stage][0]].unit if stage < len(programs) else ""
+    return f"{value:.2f} {unit}".rstrip()
+
+
+def at_stage(goal: str, stage: int) -> str:
+    """Where a goal of several programs is: "stage 2 of 3"; empty for a single program."""
+    count = len(programs_in(goal))
+    return f"stage {stage + 1} of {count}" if count > 1 else ""
 
 
 def circle(center: Float64, radius: float) -> Float64:

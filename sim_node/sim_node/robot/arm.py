@@ -9,9 +9,9 @@ import numpy as np
 
 from pa_ros.arena.arms import ARMS
 from pa_ros.arena.controllers import hand_controller
-from pa_ros.arena.task import Verifier, scoring_of, world_of
+from pa_ros.arena.task import GoalVerifier, scoring_of, world_of
 from pa_ros.core.experience import Float64, Observation, Step
-from pa_ros.language import parse
+from pa_ros.language import parse_goal
 from pa_ros.wire.arena import describe_robot
 from pa_ros.wire.program import ProgramRequest
 from pa_ros.wire.step import Command
@@ -46,7 +46,7 @@ class RealArm:
         self._schema, self._vocabulary = design.schema, design.vocabulary
         self._bodiless = design.vocabulary.bodiless
         self._scoring = scoring_of(config, design, reward_from(settings.reward))
-        self._verifier: Verifier | None = None
+        self._verifier: GoalVerifier | None = None
         self._program_id = ""
         # The agent learned that joints stop here, where the real ones may turn on. Only a base may
         # turn without limits.
@@ -74,8 +74,8 @@ class RealArm:
 
     def submit(self, request: ProgramRequest) -> str:
         """Put a program in force; its canonical text. Raises ProgramError; nothing changes then."""
-        program = parse(request.text, self._vocabulary)
-        self._verifier = Verifier(program, self._kinds, self._scoring, bodiless=self._bodiless)
+        program = parse_goal(request.text, self._vocabulary)
+        self._verifier = GoalVerifier(program, self._kinds, self._scoring, self._bodiless)
         self._program_id, self.program = request.program_id, str(program)
         return self.program
 

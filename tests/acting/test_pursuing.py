@@ -1,0 +1,104 @@
+"""Which program of a goal over time an agent pursues: by the verifier, or by its own judgement."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from helpers.learners import ME, WORDS, Arm, following
+from helpers.messages import judged
+from helpers.rejections import rejected
+from pa_ros.acting.agent import Agent
+from pa_ros.acting.execution import ExecutionWatch, window_s
+from pa_ros.arena import ReachTask, design_named, preset_named, scripted_action
+from pa_ros.core.experience import PublishedPolicy, Step
+from pa_ros.language import parse_goal, stages
+from pa_ros.learning.checkpoints import load_policy
+
+FAST, DESIGN = preset_named("fast"), design_named("3-D")
+
+
+@pytest.fixture
+def task() -> ReachTask:
+    return ReachTask(FAST, DESIGN, seed=1)
+
+
+@pytest.fixture
+def agent() -> Agent:
+    agent = Agent(ME)
+    agent.offer(PublishedPolicy(load_policy(Path("shipped:3-D")), ""))
+    return agent
+
+
+@pytest.mark.parametrize("heard", [True, False], ids=["verifier", "own judgement"])
+def test_a_trained_agent_executes_a_chain(task: ReachTask, agent: Agent, heard: bool) -> None:
+    """Its own judgement leads to the same programs as the verifier's."""
+    observation, verdict = task.reset(0, "chain-2")
+    while not verdict.satisfied and not verdict.truncated:
+        step = Step(observation, verdict if heard else None, str(task.goal))
+        agent.observe(step, task.goal)
+        assert agent.prepare() is None
+        action = agent.act()
+        assert agent.pursued(step, task.goal) == task.program
+        own = agent.verdict(step, task.goal)
+        assert own is not None
+        assert (own.stage, own.satisfied) == (verdict.stage, verdict.satisfied)
+        assert own.distance == pytest.approx(verdict.distance)
+        observation, verdict = task.step(action * np.array(FAST.joint_speed_limits))
+    assert verdict.satisfied
+
+
+def test_own_judgement_begins_again_with_another_episode(task: ReachTask, agent: Agent) -> None:
+    start, verdict = task.reset(0, "chain-2")
+    goal, near = task.goal, start
+    while not verdict.stage:
+        near, verdict = task.step(scripted_action(task))
+    agent.observe(Step(start), goal)
+    assert agent.prepare() is None
+    for observation, stage in ((start, 0), (near, 1), (start, 1), (replace(start, episode=9), 0)):
+        own = agent.verdict(Step(replace(observation, stamp_ns=start.stamp_ns + stage)), goal)
+        assert own is not None and own.stage == stage
+
+
+def test_a_stage_that_the_goal_lacks_is_rejected(task: ReachTask, agent: Agent) -> None:
+    observation, verdict = task.reset(0, "chain-2")
+    with rejected("observation.stage", "expected less than 2, as THEN"):
+        agent.observe(Step(observation, replace(verdict, stage=2)), task.goal)
+    assert not agent.waiting
+
+
+def test_an_agent_that_learns_refuses_goals_over_time_and_sends_nothing_of_them() -> None:
+    arm = Arm(following())
+    arm.reset(0)
+    arm.run(3)
+    goal = parse_goal("ALL(NEAR(HAND, RED), NEAR(HAND, NOT(RED)))", WORDS)
+    with rejected("program.over_time"):
+        arm.agent.check_program(goal)
+    observation, verdict = arm.task.set_program(goal)
+    assert arm.agent.observe(Step(observation, verdict), goal) is None
+    assert arm.agent.prepare() is None
+    with rejected("program.over_time"):
+        arm.agent.act()
+    assert arm.sent == [] and arm.agent.interrupted == 1
+
+
+def test_weights_that_did_not_learn_to_avoid_refuse_it(agent: Agent) -> None:
+    goal = parse_goal("THEN(NEAR(HAND, RED), AVOID(RED, NEAR(HAND, BLUE)))", DESIGN.vocabulary)
+    agent.observe(Step(ReachTask(FAST, DESIGN, seed=1).reset(0)[0]), stages(goal)[0])
+    with rejected("program.avoids"):
+        agent.check_program(goal)
+
+
+def test_a_goal_is_watched_until_it_is_violated_and_longer_for_more_programs() -> None:
+    text = "THEN(NEAR(HAND, RED), AVOID(CUBE, LEFT_OF(HAND, BLUE)))"
+    assert window_s(text) == 2 * window_s("NEAR(HAND, RED)")
+    watch = ExecutionWatch("mine")
+    step = judged(1, False, 10**8, program_id="mine")
+    assert step.verdict is not None and watch.observe(step) is None
+    after = replace(step, verdict=replace(step.verdict, stage=1, violated=True))
+    result = watch.observe(after)
+    assert result is not None and (result.satisfied, result.ended) == (False, "violated")
+    assert result.text(text) == (
+        "not satisfied: violated after 0.0 s, in stage 2 of 2, at 0.50 of both limits"
+    )
