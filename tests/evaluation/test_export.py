@@ -119,8 +119,13 @@ def test_the_card_of_a_shipped_agent_is_made_from_its_recorded_scores(name):
 
 def test_a_card_has_scores_that_a_hub_reads(tmp_path):
     agent = load_agent("shipped:2-L")
-    report = {"eval.eval.normalized": 0.25, "eval.eval.success_rate": 0.5, "versions": "software 1",
-              "eval.episodes": 7, "eval.weights": agent.digest}  # fmt: skip
+    report: dict[str, float | int | str] = {
+        "eval.eval.normalized": 0.25,
+        "eval.eval.success_rate": 0.5,
+        "versions": "software 1",
+        "eval.episodes": 7,
+        "eval.weights": agent.digest,
+    }
     scores, card = tmp_path / "scores.json", tmp_path / "card.md"
     scores.write_text(json.dumps(report))
     given = ["--card", str(card), "--scores", str(scores)]
