@@ -13,12 +13,10 @@ from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.agents import load_agent
 from pa_ros.language import parse
-from pa_ros.learning.checkpoint_files import SHIPPED
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.tools.film import FARTHER, DemoProgram, demo_programs, find_scene
 
 graph = pytest.mark.graph
-NO_PUSH = not (SHIPPED / "push").is_dir()
 TWO_L, ARENA = design_named("2-L"), preset_named("fast")
 
 
@@ -66,12 +64,7 @@ def test_without_a_fitting_design_or_scene_there_is_an_error():
 @graph
 @pytest.mark.parametrize(
     ("name", "kinds"),
-    [
-        ("3-D", ()),
-        pytest.param(
-            "push", PUSHED, marks=pytest.mark.skipif(NO_PUSH, reason="the package has none")
-        ),
-    ],
+    [("3-D", ()), ("push", PUSHED)],
 )
 def test_a_shipped_agent_executes_programs_and_is_recorded(name, kinds, tmp_path, capfd):
     design = load_agent(f"shipped:{name}").design

@@ -26,7 +26,6 @@ from pa_ros.evaluation.drawing import draw_detectors
 from pa_ros.evaluation.evaluate import reference_scores
 from pa_ros.evaluation.scores import rewards
 from pa_ros.evaluation.tally import EpisodeTally, HeldOutTarget
-from pa_ros.learning.checkpoint_files import SHIPPED as SHIPPED_AGENTS
 from pa_ros.learning.checkpoint_files import SHIPPED_PREFIX
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.ros.topics import OBJECT_FEATURES
@@ -84,8 +83,7 @@ def run(options: argparse.Namespace) -> int:
             good = not options.shipped or _show_shipped(folder, options.seed)
             reached = _learn(folder, options.seed, options.minutes)
             good = reached and _execute_learned(folder, options.seed) and good
-            # Nothing is shown where the package has no such agent.
-            if options.shipped and (SHIPPED_AGENTS / PUSHES).is_dir():
+            if options.shipped:
                 good = _show_pushing(folder, options.seed) and good
     except PaError as error:
         print(f"pa_ros demo: {error}", file=sys.stderr)
