@@ -64,7 +64,9 @@ def test_an_agent_explains_what_a_program_means_to_it() -> None:
     assert p["RED CUBE"] > 0.8 > 0.2 > p["GREEN CUBE"]
 
 
-def test_an_agent_is_trained_and_scored_on_programs_of_ones_own(tmp_path: Path) -> None:
+def test_an_agent_is_trained_and_scored_on_programs_of_ones_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     fast: dict[str, Any] = {"learner.replay.warmup_frames": 50, "network.hidden": 8}
     mine = pa_ros.train(out=tmp_path / "run", frames=100, seed=1, **fast)
     assert mine.design.name == "2-L" and (tmp_path / "run/progress.csv").is_file()
@@ -74,8 +76,9 @@ def test_an_agent_is_trained_and_scored_on_programs_of_ones_own(tmp_path: Path) 
     rows = pa_ros.evaluate(pa_ros.load("2-L"), programs, episodes=2)
     assert [(row.program, row.episodes) for row in rows] == [(one, 2) for one in programs]
     assert rows[0].success_rate == 1.0
+    monkeypatch.setattr("pa_ros.evaluation.evaluate.SCENES_SEARCHED", 5)
     with pytest.raises(ConfigError, match=r"expected 1 scenes in which NEAR\(HAND, A\) can hold"):
-        pa_ros.evaluate(mine, ["NEAR(HAND, A)"], episodes=1)
+        pa_ros.evaluate(pa_ros.load("3-D"), ["NEAR(HAND, A)"], episodes=1)
 
 
 def test_an_unknown_agent_is_rejected_with_the_known_ones() -> None:
