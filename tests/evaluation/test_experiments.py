@@ -25,12 +25,12 @@ from pa_ros.evaluation.experiments import (
 )
 from pa_ros.evaluation.seeds import tabulate, train_seeds
 from pa_ros.evaluation.tables import CURVE, EvaluationError, frames_done, read_curve, read_curves
+from pa_ros.evaluation.training import train_agent
 from pa_ros.learning import records
 from pa_ros.learning.checkpoint_files import LATEST, METADATA
 from pa_ros.learning.checkpoints import load_policy, read_metadata, save_checkpoint
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of
-from pa_ros.learning.loop import train
 
 NOTHING = {"train_greedy.normalized": 0.0, "eval_greedy.normalized": 0.0}
 LEARNS = {"learner.replay.warmup_frames": 100, "learner.replay.batch_size": 8}
@@ -205,7 +205,7 @@ def test_a_longer_experiment_continues_and_a_finished_one_is_not_trained_again(t
 @pytest.mark.parametrize(("until", "frames"), [(None, 600), (300, 300), (900, 600)])
 def test_a_part_of_a_seed_ends_where_it_is_asked_to(tmp_path, monkeypatch, until, frames) -> None:
     asked = []
-    monkeypatch.setattr(experiments, "train", lambda config, *_, **__: asked.append(config.frames))
+    monkeypatch.setattr(experiments, "train_agent", lambda *given, **_: asked.append(given[3].frames))
     run_seed(SMALL, 0, tmp_path, until)
     assert asked == [frames]
 
@@ -264,11 +264,11 @@ def test_a_seed_whose_checkpoints_are_all_damaged_is_rejected_and_kept(tmp_path,
 def test_forgetting_trains_on_the_held_out_programs_after_the_switch(tmp_path, monkeypatch):
     trained = []
 
-    def record(config, *rest, **options):
-        trained.append((config.condition, config.frames, options["resume"]))
-        return train(config, *rest, **options)
+    def record(*given, **options):
+        trained.append((given[3].condition, given[3].frames, options["resume"]))
+        return train_agent(*given, **options)
 
-    monkeypatch.setattr(experiments, "train", record)
+    monkeypatch.setattr(experiments, "train_agent", record)
     go(tmp_path, FORGETTING)
     assert trained == [("train", 300, False), ("eval", 600, True)]
 

@@ -234,7 +234,7 @@ class GoalSender:
         self._client.destroy()
 
     def _keep(self, message: Any) -> None:
-        self.feedback.append(decode_goal_feedback(message.feedback))
+        self.feedback.append(decode_goal_feedback(message))
 
 
 @contextmanager

@@ -21,7 +21,7 @@ OF_RCLPY = {"describe_parameters", "get_parameter_types", "get_parameters", "lis
 AT_TIMES = {
     "sim_node": {"publish": {"/camera/image_raw", "/camera/camera_info"}, "subscribe": set()},
     "agent_node": {
-        "publish": {"/program", "/velocity_commands", "/joint_trajectory"},
+        "publish": {"/program", "/velocity_commands", "/joint_trajectory", "/joint_jog"},
         "subscribe": {"/program_status", "/markers"},
     },
 }

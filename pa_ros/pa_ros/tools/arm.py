@@ -353,7 +353,7 @@ class Goal:
 
     def _on_feedback(self, message: Any) -> None:
         self._heard_at = time.monotonic()
-        self._unread.append(decode_goal_feedback(message.feedback))
+        self._unread.append(decode_goal_feedback(message))
 
     def _result(self) -> GoalResult:
         return decode_goal_result(self._ended.result().result)

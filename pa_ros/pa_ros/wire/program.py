@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from typing import Any
 from dataclasses import dataclass
 from math import inf, isfinite
 
@@ -145,16 +146,20 @@ def encode_goal_feedback(progress: GoalProgress) -> action.ExecuteProgram.Feedba
     )
 
 
-def decode_goal_feedback(message: action.ExecuteProgram.Feedback) -> GoalProgress:
-    """Return the current state of a goal's execution."""
+def decode_goal_feedback(message: Any) -> GoalProgress:
+    """Return the current state of a goal's execution.
+
+    :param message: what an action client receives (`ExecuteProgram.Impl.FeedbackMessage`).
+    """
+    feedback = message.feedback
     return GoalProgress(
-        message.distance,
-        message.satisfied,
-        tuple(message.objects),
-        tuple(message.relevance),
-        message.policy_version,
-        message.stage,
-        message.stages,
+        feedback.distance,
+        feedback.satisfied,
+        tuple(feedback.objects),
+        tuple(feedback.relevance),
+        feedback.policy_version,
+        feedback.stage,
+        feedback.stages,
     )
 
 

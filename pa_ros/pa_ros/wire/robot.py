@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from geometry_msgs.msg import Point, PoseStamped, TransformStamped
 from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
 from vision_msgs.msg import Detection3DArray
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -20,6 +21,11 @@ Measurement = tuple[str, str, Float64, int]
 """Parent frame, child frame, pose [7] of the child in its parent, stamp in ns."""
 BALL_M, LABEL_M, ARROW_M = 0.03, 0.04, 0.01  # sizes of markers
 ARROW_S = 0.5  # an arrow shows where the hand would be then
+
+
+def transforms_of(message: TFMessage) -> Sequence[TransformStamped]:
+    """The transforms that a message of tf carries, for `decode_transform`."""
+    return message.transforms  # type: ignore[no-any-return]
 
 
 def decode_transform(message: TransformStamped) -> Measurement:

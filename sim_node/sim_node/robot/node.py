@@ -28,6 +28,7 @@ from pa_ros.wire.robot import (
     decode_driver_joints,
     decode_tracked,
     decode_transform,
+    transforms_of,
     encode_table,
 )
 from pa_ros.wire.step import decode_command, encode_step
@@ -111,7 +112,7 @@ class RobotNode(ManagedNode):
         def place(one: Any) -> None:
             self._place(decode_transform(one), static)
 
-        for one in message.transforms:  # a bad one doesn't spoil the others
+        for one in transforms_of(message):  # a bad one doesn't spoil the others
             self.refusals.guard("tf", place)(one)
 
     def _on_detections(self, message: Message) -> None:
