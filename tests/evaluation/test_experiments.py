@@ -205,7 +205,9 @@ def test_a_longer_experiment_continues_and_a_finished_one_is_not_trained_again(t
 @pytest.mark.parametrize(("until", "frames"), [(None, 600), (300, 300), (900, 600)])
 def test_a_part_of_a_seed_ends_where_it_is_asked_to(tmp_path, monkeypatch, until, frames) -> None:
     asked = []
-    monkeypatch.setattr(experiments, "train_agent", lambda *given, **_: asked.append(given[3].frames))
+    monkeypatch.setattr(
+        experiments, "train_agent", lambda *given, **_: asked.append(given[3].frames)
+    )
     run_seed(SMALL, 0, tmp_path, until)
     assert asked == [frames]
 

@@ -28,8 +28,8 @@ from pa_ros.wire.robot import (
     decode_driver_joints,
     decode_tracked,
     decode_transform,
-    transforms_of,
     encode_table,
+    transforms_of,
 )
 from pa_ros.wire.step import decode_command, encode_step
 from sim_node.robot.arm import RealArm
