@@ -9,6 +9,7 @@ import os
 import sys
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -42,6 +43,12 @@ class StandIn:
         self.cancelled.set()
 
 
+def run_apart(run) -> None:
+    """Run a coroutine in another thread: other tests' browser leaves an event loop in this one."""
+    with ThreadPoolExecutor(1) as thread:
+        thread.submit(anyio.run, run).result()
+
+
 def ask(table: Table, allow_execute: bool, script) -> None:
     """Run a script with a client of a server in this process."""
 
@@ -49,7 +56,7 @@ def ask(table: Table, allow_execute: bool, script) -> None:
         async with mcp.Client(make_server(table, allow_execute)) as client:
             await script(client)
 
-    anyio.run(run)
+    run_apart(run)
 
 
 def test_without_permission_only_looking_is_offered():
@@ -154,4 +161,4 @@ def test_an_assistant_looks_checks_executes_and_sees_the_result(graph: str):
             absent = await client.call_tool("execute", {"program": "NEAR(HAND, BLUE)"})
             assert absent.is_error and "no such object" in absent.content[0].text
 
-    anyio.run(run)
+    run_apart(run)
