@@ -91,19 +91,20 @@ class Hindsight:
         index, block = self._rows(rng, replay, size)
         drawn = Transitions(replay, index)
         kinds = replay.arrays["kind"][index]  # [B, N]
-        sets = self._sets_of(kinds)  # [B, P, 2, N]
-        fits = sets.any(-1).all(-1)  # [B, P]
-        about = np.take_along_axis(sets, block[:, None, None, None], -1)[..., 0].any(-1)
+        every = np.arange(size)
+        sets = self._sets_of(kinds)  # [P, 2, N, B], since the reductions are fast along first axes
+        fits = np.all(np.any(sets, 2), 1).T  # [B, P]
+        about = np.any(sets[:, :, block, every], 1).T
         wanted = fits & (about | (block == HAND_INDEX)[:, None])
         # No program is about the block that moved: then any that fits the scene.
         wanted = np.where(wanted.any(-1, keepdims=True), wanted, fits)
-        program, every = _one_of(rng, wanted), np.arange(size)
-        chosen = sets[every, program]  # [B, 2, N]
+        program = _one_of(rng, wanted)
+        chosen = sets[program, :, :, every]  # [B, 2, N]
         # At times also another program that fits, joined by OR.
         others = fits & (self._joined[program] >= 0)
         rows = np.flatnonzero(others.any(-1) & (rng.random(size) < self._config.either))
         other = _one_of(rng, others[rows])
-        chosen[rows] |= sets[rows, other]
+        chosen[rows] |= sets[other, :, :, rows]
         program[rows] = self._joined[program[rows], other]
         self._move_places(rng, replay, drawn, chosen, self._body[kinds], block)
         known = fits.any(-1)
@@ -127,13 +128,13 @@ class Hindsight:
         return index, block
 
     def _sets_of(self, kinds: NDArray[np.int16]) -> Bools:
-        """The two sets of every program in every scene, [B, P, 2, N], of its kinds [B, N]."""
-        sets = self._sets[..., kinds]  # [P, 2, B, N]
-        sets[..., HAND_INDEX] = False
+        """The two sets of every program in every scene, [P, 2, N, B], of its kinds [B, N]."""
+        sets = self._sets.take(kinds.T, -1)
+        sets[:, :, HAND_INDEX] = False
         of_hand = self._hand_moves[: len(sets)]
         sets[of_hand, 0] = False
-        sets[of_hand, 0, :, HAND_INDEX] = True
-        return sets.transpose(2, 0, 1, 3)
+        sets[of_hand, 0, HAND_INDEX] = True
+        return sets
 
     def _move_places(
         self,

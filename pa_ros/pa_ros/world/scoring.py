@@ -130,8 +130,9 @@ class Scoring:
         hand_pose: Float64 | Float32 | None,
     ) -> Float64:
         """The least measure over pairs of a moved and another named object, [...]."""
-        nearest: Float64 = np.array(inf)
-        for i in range(objects.shape[-2]):
+        scored = np.broadcast_shapes(moved.shape, named.shape, objects.shape[:-1])[:-1]
+        nearest: Float64 = np.full(scored, inf)
+        for i in np.flatnonzero(moved.any(tuple(range(moved.ndim - 1)))):
             measures = self.measures(relation, objects, hand_pose, objects[..., i : i + 1, :])
             for j in range(objects.shape[-2]):
                 if i != j:
