@@ -45,10 +45,11 @@ _OURS: Values = {
     "network.self_weight": 0.03,
 }
 
-# For programs that move objects. What differs from ours: a layer more, larger steps that become
-# smaller, a longer horizon, and less noise that lasts less long.
+# For programs that move objects. What differs from ours: a layer more, larger steps of larger
+# batches that become smaller, a longer horizon, and less noise that lasts less long.
 _PUSH: Values = {
     **_OURS,
+    "learner.replay.batch_size": 128,
     "learner.optimizer.actor_rate": 2e-4,
     "learner.optimizer.critic_rate": 6e-4,
     "learner.optimizer.half_life": 40_000,
