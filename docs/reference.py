@@ -113,8 +113,21 @@ def _row(leaf: Leaf, sets: dict[str, dict[str, Any]], prefix: str) -> str:
     default = shown(leaf.default)
     values = [shown(values.get(leaf.path, leaf.default)) for values in sets.values()]
     other = ["" if value == default else value for value in values]
-    cells = (f"`{prefix}{leaf.path}`", default, *other, leaf.expected, leaf.description)
+    cells = (f"`{prefix}{leaf.path}`", default, *other, brief(leaf.expected), leaf.description)
     return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+
+
+def brief(expected: str) -> str:
+    """What a value must be, in the form of a table: `0.01 … 1`, `integer ≥ 0`, `text`."""
+    for pattern, short in (
+        (r"^(?:one|some) of \[(.*)\]$", r"\1"),
+        (r"^an? ", ""),
+        (r"^number(?= )", ""),
+        (r" of at least ", r" ≥ "),
+        (r" in ", r" "),
+    ):
+        expected = re.sub(pattern, short, expected)
+    return expected.strip().replace("'", "")
 
 
 def shown(value: Any) -> str:

@@ -7,12 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import read_json
 from pa_ros.core.text import Report
-from pa_ros.evaluation.agents import TrainedAgent, load_agent, trained
+from pa_ros.evaluation.agents import load_agent, trained
 from pa_ros.evaluation.generalization import RANDOM_WEIGHTS
 from pa_ros.evaluation.generalization_figures import in_words
 from pa_ros.learning.checkpoints import read_metadata
@@ -43,35 +41,25 @@ def model_card(path: str | Path, report: Report | None = None) -> str:
             "--condition all --json FILE, then give --scores FILE"
         )
     episodes = source["episodes" if report is None else "eval.episodes"]
+    words = agent.design.vocabulary
     name = f"{agent.design.name}-{agent.arena.arm}-{agent.arena.preset}"
-    header = {
-        "license": "apache-2.0",
-        "library_name": "programmable-agents",
-        "pipeline_tag": "reinforcement-learning",
-        "tags": ["robotics", "ros2", "mujoco", "programmable-agents"],
-        "model-index": [
-            {"name": name, "results": [_result(agent, *row) for row in rows]},
-        ],
-    }
     table = "".join(f"| {in_words(condition)} | {_cells(scores)} |\n" for condition, scores in rows)
     return _TEXT.format(
-        yaml=yaml.safe_dump(header, sort_keys=False, width=1000),
         name=name,
         design=agent.design.name,
+        metrics="".join(f"    - {_metric(*row)}\n" for row in rows),
         arm=agent.arena.arm,
         preset=agent.arena.preset,
-        words=", ".join(agent.design.vocabulary.words),
-        relations=", ".join(agent.design.vocabulary.relations),
-        does="moves the arm and pushes blocks; it cannot grasp"
-        if agent.design.vocabulary.moves_objects
-        else "moves the hand; it cannot push or grasp",
+        words=", ".join(words.words),
+        relations=", ".join(words.relations),
+        does="pushes blocks; it cannot grasp" if words.moves_objects else "cannot push or grasp",
         table=table,
         episodes=episodes,
         versions=source["versions"],
         frames=values["counters"]["frames"],
         seed=facts.get("seed"),
         algorithm=values["algorithm"],
-        programs="\n".join(f"- `{text}`" for text in values["programs"]),
+        count=len(values["programs"]),
         weights=agent.digest,
     )
 
@@ -100,17 +88,10 @@ def _rows(source: Mapping[str, Any]) -> list[tuple[str, dict[str, float]]]:
     return [*(found or shipped).items()]
 
 
-def _result(agent: TrainedAgent, condition: str, scores: Mapping[str, float]) -> dict[str, Any]:
-    names = {"normalized": "normalized reward per step", "success_rate": "satisfied at the end"}
-    return {
-        "task": {"type": "reinforcement-learning", "name": "executing programs"},
-        "dataset": {"name": f"{agent.design.name}: {in_words(condition)}", "type": condition},
-        "metrics": [
-            {"type": kind, "name": name, "value": round(scores[kind], 4)}
-            for kind, name in names.items()
-            if kind in scores
-        ],
-    }
+def _metric(condition: str, scores: Mapping[str, float]) -> str:
+    """A condition's score as a hub reads it, on one line of YAML."""
+    kind = next(score for score in SCORES if score in scores)
+    return f'{{type: {kind}, name: "{in_words(condition)}", value: {scores[kind]:.4g}}}'
 
 
 def _cells(scores: Mapping[str, float]) -> str:
@@ -121,30 +102,30 @@ def _cells(scores: Mapping[str, float]) -> str:
 
 
 _TEXT = """---
-{yaml}---
+license: apache-2.0
+library_name: programmable-agents
+pipeline_tag: reinforcement-learning
+tags: [robotics, ros2, mujoco, programmable-agents]
+model-index:
+- name: {name}
+  results:
+  - task: {{type: reinforcement-learning}}
+    dataset: {{type: simulation, name: {design}}}
+    metrics:
+{metrics}---
 # {name}
 
-A programmable agent (Denil et al. 2017) for the simulated arm `{arm}` with the `{preset}` speeds.
+A programmable agent (Denil et al. 2017) for the simulated arm `{arm}` with the preset `{preset}`.
 It executes programs over the words {words} and the relations {relations}. It {does}.
+It was trained for {frames:,} frames by {algorithm}, seed {seed}, under {count} programs, which
+`metadata.json` lists; its weights are {weights}. It was not tried on a real arm.
 
-## Scores
-
-Normalized reward per step: 0 is a random policy, 1 a script that knows the target, on the same
-{episodes} episodes of each row, which were not used in training; 95 % intervals where they are
-given. The last column is the share of episodes that end with the program satisfied. Measured in
-simulation, with {versions}.
+A score is the reward per step, 0 for a random policy and 1 for a script that knows the target, with
+a 95 % interval. *Satisfied* is the share of episodes that end so. Each row has {episodes} episodes
+that were not used in training, in simulation, with {versions}.
 
 | Programs | Score | Satisfied |
 | --- | --- | --- |
 {table}
-## Training
-
-{frames:,} frames of design {design} by {algorithm}, seed {seed}, under these programs:
-
-{programs}
-
-## Use
-
-The weights are {weights}. `pa_ros.load_agent(PATH)` loads this folder, and `pa_ros export PATH
---onnx FILE` writes an ONNX file. The agent was not tried on a real arm.
+`pa_ros.load_agent(PATH)` loads this folder; `pa_ros export PATH --onnx FILE` writes an ONNX file.
 """
