@@ -19,6 +19,7 @@ setup(
         "console_scripts": [
             "sim_node = sim_node.main:main",
             "robot_node = sim_node.robot.main:main",
+            "camera_node = sim_node.camera.main:main",
         ]
     },
 )

@@ -227,7 +227,7 @@ class LearnerWorker:
         if not self._config.out:
             return
         arena = self._arena
-        about = self._config.seed, arena.design, arena.preset, arena.arm
+        about = self._config.seed, arena.design, arena.preset, arena.arm, arena.perception
         extra = self.run.facts(self._started, *about)
         try:
             save_checkpoint(checkpoint_of(Path(self._config.out)), self._learner, extra)

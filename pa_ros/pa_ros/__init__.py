@@ -58,19 +58,21 @@ class Result:
     code: str = ""  # of the reason, such as goal.time_limit
 
 
-def make_arena(design: str = "3-D", *, arm: str = "jaco", preset: str = "", seed: int = 0) -> Arena:
+def make_arena(
+    design: str = "3-D", *, arm: str = "jaco", preset: str = "", seed: int = 0, perception: str = ""
+) -> Arena:
     """A simulated arena with a first scene.
 
     `design` says which blocks exist (2-C, 2-L, 3-C, 3-D; push-2 and push-3D, whose blocks can be
     moved), `arm` is jaco or panda, `preset` is fast or paper, or push for the designs of that name;
-    by default the design's. The same seed gives the same scenes. Raises ConfigError for unknown
-    names.
+    by default the design's. The same seed gives the same scenes. An agent that sees blocks through
+    a camera needs an arena with its `perception`. Raises ConfigError for unknown names.
     """
-    return Arena(design, arm, preset, seed)
+    return Arena(design, arm, preset, seed, perception)
 
 
 def load(agent: str | Path = "3-D") -> TrainedAgent:
-    """A trained agent: one that comes with the package (2-L, 3-D, push) or a training run's folder.
+    """A trained agent: one that comes with the package (2-L, 3-D, push, camera), or a run's folder.
 
     Raises PaError (its subclass CheckpointError) if there is no usable checkpoint.
     """
@@ -142,13 +144,14 @@ class Arena:
     observation: Observation
     verdict: Verdict
 
-    def __init__(self, design: str, arm: str, preset: str, seed: int) -> None:
-        from pa_ros.arena import ReachTask, design_named, preset_named
+    def __init__(self, design: str, arm: str, preset: str, seed: int, perception: str) -> None:
+        from pa_ros.arena import design_named, preset_named
+        from pa_ros.perception import task_seen
 
         blocks = design_named(design)
         # A scene may last for many programs.
         config = preset_named(preset or blocks.preset, arm).changed(episode_steps=ENDLESS)
-        self.task = ReachTask(config, blocks, seed)
+        self.task = task_seen(config, blocks, seed, perception)
         self.reset()
 
     def reset(self, scene: int = 0, condition: str = "train") -> None:

@@ -16,6 +16,7 @@ from pa_ros.arena import (
 )
 from pa_ros.arena.camera import CameraConfig
 from pa_ros.core.extensions import NodeSettings
+from pa_ros.perception import TOLD
 from pa_ros.world import reward_from
 
 LONGEST_S = 1e6  # of any period; 11 days
@@ -32,6 +33,11 @@ class SimConfig(NodeSettings, ArenaChoice):
     seed: int = Field(0, ge=0, description="of all episodes")
     blocks: int = Field(0, ge=0, description="on the table; 0: as the design says")
     condition: str = Field("train", description="that episodes are drawn from")
+    perception: str = Field(
+        TOLD,
+        description="what blocks are: told, or seen by a new camera above (camera) or in a corner, "
+        "or by the camera of this checkpoint",
+    )
     program_source: Literal["generator", "topic"] = Field(
         "generator", description="topic: execute what comes, in a scene that stays"
     )

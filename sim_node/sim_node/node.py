@@ -83,6 +83,7 @@ class SimNode(ManagedNode):
     def cleanup(self) -> None:
         if self._camera is not None:
             self._camera.close()
+        self.session.task.close()
 
     def check_active(self) -> None:
         """Raise SimError unless the arena is active."""

@@ -6,15 +6,17 @@ from collections import OrderedDict, deque
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from math import inf
+from pathlib import Path
 
 import numpy as np
 
 from pa_ros import provenance
-from pa_ros.arena import ArenaError, Episode, ReachTask, generate, training_programs
+from pa_ros.arena import ArenaError, Episode, generate, training_programs
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import CommandKey, Executed, Float64, Observation, Step, Verdict
 from pa_ros.language import Goal, parse_goal
 from pa_ros.language.errors import ProgramError
+from pa_ros.perception import TOLD, VIEWS, calibrated, task_seen
 from pa_ros.wire import WireError
 from pa_ros.wire.arena import ArenaDescription, Mode
 from pa_ros.wire.diagnostics import Origin
@@ -68,7 +70,9 @@ class Session:
         self.arena_id = arena_id
         self.arena = config.arena_config()
         reward = reward_from(config.reward)
-        self.task = ReachTask(self.arena, config.design_of(), config.seed, reward=reward)
+        told = self.arena, config.design_of(), config.seed
+        self.perception = _calibration(config)
+        self.task = task_seen(*told, self.perception, reward)
         self.program_ids = ProgramIds(arena_id)
         self.speed_limits = np.array(self.arena.joint_speed_limits)  # [J] rad/s
         self.hold: Float64 = np.zeros(self.arena.joints)  # the command that stops the arm, rad/s
@@ -242,7 +246,8 @@ class Session:
         )
         # A condition may have more blocks than the design, or fewer.
         blocks = len(self.scene(False, config.first_episode).blocks)
-        return replace(about, block_count=blocks)
+        seen = {"world": self.task.world, "perception": self.perception}
+        return replace(about, block_count=blocks, **seen)
 
     def origin(self, node: str) -> Origin:
         """Software, settings and world of this arena, for recordings; `node` is its full name."""
@@ -256,6 +261,19 @@ class Session:
             preset=self.arena.preset,
             world=self.task.world,
         )
+
+
+def _calibration(config: SimConfig) -> str:
+    """The calibration of the arena's camera; empty if properties are told.
+
+    Raises ConfigError for the checkpoint of an agent that sees through none.
+    """
+    if config.perception in (TOLD, *VIEWS):
+        return calibrated(config.arena_config(), config.design_of(), config.perception)
+    # It imports torch, which other arenas do not need.
+    from pa_ros.learning.checkpoints import camera_of
+
+    return camera_of(Path(config.perception))
 
 
 class ProgramIds:

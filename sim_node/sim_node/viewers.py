@@ -22,6 +22,7 @@ from pa_ros.ros.executor import steady_timer
 from pa_ros.wire import Message
 from pa_ros.wire.step import encode_clock, encode_joints, encode_step, encode_verdict
 from pa_ros.wire.views import (
+    OPTICAL_FRAME,
     encode_camera_info,
     encode_image,
     encode_markers,
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
 
 VIEWS_S = 0.1  # wall time between two sets of poses and markers
 SAMPLES_S = 0.25  # wall time between two samples
-CAMERA_FRAME = "camera_optical_frame"
 CAMERA_POLL_S = 0.02  # wall time between two looks at the simulation's clock
 # Wall time between two pictures while simulation time stops, because blocks may have been moved.
 CAMERA_STILL_S = 1.0
@@ -89,8 +89,8 @@ class CameraView:
 
     def _publish(self, stamp_ns: int) -> None:
         size = self._config.width, self._config.height
-        self._image.publish(encode_image(self._camera.picture(), CAMERA_FRAME, stamp_ns))
-        self._info.publish(encode_camera_info(self._matrix, *size, CAMERA_FRAME, stamp_ns))
+        self._image.publish(encode_image(self._camera.picture(), OPTICAL_FRAME, stamp_ns))
+        self._info.publish(encode_camera_info(self._matrix, *size, OPTICAL_FRAME, stamp_ns))
         self.pictures += 1
 
 
@@ -105,7 +105,7 @@ class Views:
         self._tf_static = topics.TF_STATIC.publisher(arena)
         fixed = {"base": Body.at_rest(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))}
         if camera is not None:
-            fixed[CAMERA_FRAME] = camera.pose
+            fixed[OPTICAL_FRAME] = camera.pose
         self._tf_static.publish(encode_transforms(fixed, 0))
         self._markers = topics.MARKERS.publisher(arena)
         self._shown = 0  # markers in the last message

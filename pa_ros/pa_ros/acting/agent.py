@@ -27,6 +27,7 @@ from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.families import family_of
 from pa_ros.world import Scoring, Trajectory
 from pa_ros.world.progress import GoalWatch
+from pa_ros.world.schema import Seen
 from pa_ros.world.world import World
 
 KEPT_POLICIES = 16  # of learners that may be followed later
@@ -149,6 +150,14 @@ class Agent:
             raise ActingError(
                 f"policy: expected {ours.object_features} features of an object, "
                 f"got {world.object_features}"
+            )
+        looks, seen = (
+            [g.features for g in w.schema if isinstance(g.features, Seen)] for w in (ours, world)
+        )
+        if looks != seen:
+            raise ActingError(
+                "policy: expected properties seen with the camera's calibration that it learned "
+                f"with, got {seen}: name the agent's checkpoint in the arena's perception"
             )
         if ours.joints != world.joints:
             raise ActingError(

@@ -29,7 +29,8 @@ class _Pending:
     def append(self, observation: Observation, arm: Float32, verdict: Verdict) -> None:
         self.last = observation
         self.measures.append(verdict.measures)
-        self.objects.append(observation.objects)
+        # Objects found since the first step have rows of their own in the next trajectory.
+        self.objects.append(observation.objects[: len(self.first.objects)])
         self.arm.append(arm)
 
 
@@ -74,12 +75,13 @@ class TrajectoryBuilder:
             trajectory = self._finish(ends_episode=other_episode)
             self._begin(observation, verdict, program)
             return trajectory
+        found_more = len(observation.objects) > len(pending.first.objects)
         pending.append(observation, self._world.arm(observation), verdict)
         pending.rewards.append(verdict.reward)
         self._acted = False
         if verdict.truncated:
             return self._finish(ends_episode=True)
-        if len(pending.rewards) < self._trajectory_steps:
+        if not found_more and len(pending.rewards) < self._trajectory_steps:
             return None
         trajectory = self._finish(ends_episode=False)
         self._begin(observation, verdict, program)
@@ -106,7 +108,7 @@ class TrajectoryBuilder:
             and observation.episode == last.episode
             and observation.step == last.step + 1
             and observation.hand_index == last.hand_index
-            and observation.objects.shape == last.objects.shape
+            and len(observation.objects) >= len(last.objects)
         )
 
     def _begin(self, observation: Observation, verdict: Verdict, program: Program) -> None:

@@ -224,6 +224,9 @@ class ReachTask:
         self._goal.meet(kinds, self.design.vocabulary.bodiless)
         self._note_named()
 
+    def close(self) -> None:
+        """Free what the task holds outside Python; then it must not be used."""
+
     @property
     def goal(self) -> Goal:
         """The current goal."""

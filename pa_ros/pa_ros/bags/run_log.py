@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -53,11 +54,16 @@ class RunLog:
         training_programs: Sequence[Program],
         parameters: dict[str, Any],
         options: BagOptions | None = None,
+        perception: str = "",
     ) -> None:
-        """`parameters`: options of the run, plain JSON. Raises BagError if `folder` exists."""
+        """`parameters`: options of the run, plain JSON. `perception`: that of `train_agent`.
+
+        Raises BagError if `folder` exists.
+        """
         self.failure: BagFullError | None = None
         self._arena, self._design, self._seed = arena, design, seed
         self._programs, self._parameters = training_programs, parameters
+        self._perception = perception
         self._types = installed_types()
         refuse_existing(folder)
         self._folder, self._options = folder, options
@@ -91,7 +97,11 @@ class RunLog:
             preset=self._arena.preset,
         )
         about_arena = self._arena, self._design, self._seed, self._programs, run_id
-        arena = describe(*about_arena, reward=learner.scoring.reward)
+        arena = replace(
+            describe(*about_arena, reward=learner.scoring.reward),
+            world=learner.network.world,
+            perception=self._perception,
+        )
         self._write("/provenance", encode_provenance(about))
         self._write("/arena_info", encode_arena_info(arena))
         self._write("/learner_info", encode_learner_info(run.info))

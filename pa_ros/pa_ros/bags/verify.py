@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.arena import design_named, preset_named
 from pa_ros.bags.errors import ProvenanceError
 from pa_ros.bags.experience import Experience, UsedTrajectory
 from pa_ros.core.errors import PaError
@@ -21,6 +21,7 @@ from pa_ros.core.software import here
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.learner import Learner
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.perception import task_seen
 from pa_ros.wire.arena import ArenaDescription
 from pa_ros.wire.diagnostics import Origin
 from pa_ros.wire.learning import weights_checksum
@@ -203,7 +204,8 @@ class ArenaReplay:
         design = replace(design, n_blocks=count)
         self.checked = 0  # transitions
         self.skipped = 0  # transitions whose episode's beginning is missing or altered
-        self._task = ReachTask(preset, design, arena.seed, reward=reward_from(arena.reward))
+        reward = reward_from(arena.reward)
+        self._task = task_seen(preset, design, arena.seed, arena.perception, reward)
         self._condition, self._world = condition, self._task.world
         self._speeds = np.array(arena.speed_limits)
         self._at: tuple[int, int] | None = None  # episode and step; None: not as recorded
@@ -239,7 +241,9 @@ class ArenaReplay:
         self, trajectory: Trajectory, row: int, observation: Observation, verdict: Verdict | None
     ) -> str | None:
         """Return what differs in a row; None if nothing does."""
-        if not np.array_equal(trajectory.objects[row], observation.objects):
+        # Objects that were found at the last row begin with the next trajectory.
+        known = trajectory.objects.shape[1] if row == len(trajectory) else None
+        if not np.array_equal(trajectory.objects[row], observation.objects[:known]):
             return "the objects are not what the arena gives"
         if not np.array_equal(trajectory.arm[row], self._task.world.arm(observation)):
             return "the arm is not what the arena gives"
@@ -247,6 +251,10 @@ class ArenaReplay:
             return (
                 f"reward {trajectory.rewards[row - 1]} recorded, the arena gives {verdict.reward}"
             )
+        measures = trajectory.measures
+        if verdict is not None and measures is not None:
+            if tuple(measures[row].tolist()) != verdict.measures:
+                return "the programs' measures are not what the arena gives"
         return None
 
 

@@ -73,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
     if options.checkpoint:
         logic = logic_named(options.logic)
         given = options.design, options.preset, options.arm, logic
-        agent = load_agent(options.checkpoint, *given, with_camera=True)
+        agent = load_agent(options.checkpoint, *given)
         if options.condition == ALL:
             return _all_conditions(agent, options)
         agent, drawn_from = acting_under(options.condition, agent, options.seed)

@@ -103,6 +103,7 @@ def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dic
         "design": origin.design,
         "preset": origin.preset,
         "arm": origin.arm,
+        "perception": next((arena.perception for arena in bag.arenas), ""),
     }
 
 

@@ -13,6 +13,7 @@ from pa_ros.bags.writer import refuse_existing
 from pa_ros.cli.console import page_beside
 from pa_ros.cli.options import folder_to_write
 from pa_ros.core.signals import signals_noted
+from pa_ros.perception import VIEWS
 from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import refuse_running, start_nodes, watch
 from pa_ros.tools.launch_params import (
@@ -26,13 +27,14 @@ from pa_ros.tools.launch_params import (
     load_parameters,
     new_folder,
     packaged_names,
+    seeing,
 )
 from pa_ros.tools.launcher import ChildError, Supervisor, status_text, tail
 from pa_ros.tools.monitor import Display, GraphFigures, watch_diagnostics
 from pa_ros.tools.record_launch import start_recorded, start_recorder
 from pa_ros.tools.scenes import SceneFigures
 
-DEFAULT = "execute_3d"
+DEFAULT, SEEING = "execute_3d", "execute_camera"
 EXIT_FAILED = 1
 IN_ORDER = (0, -signal.SIGINT, -signal.SIGTERM)  # these two: before a child could handle them
 
@@ -40,9 +42,15 @@ IN_ORDER = (0, -signal.SIGINT, -signal.SIGTERM)  # these two: before a child cou
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros launch`."""
     parser.add_argument(
-        "--params", default=DEFAULT, metavar="FILE",
+        "--params", metavar="FILE",
         help="ROS parameters; each node that it names is started. Or one that is packaged: "
-        f"{', '.join(packaged_names())} (default: execute programs with the shipped 3-D agent)",
+        f"{', '.join(packaged_names())} (default: execute programs with the shipped 3-D agent, or "
+        "with --perception with the one that sees)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--perception", choices=VIEWS,
+        help="arenas see blocks through a camera above or in a corner: that of the agent's "
+        "checkpoint, or a new one for an agent that learns (default: as in the file)",
     )  # fmt: skip
     parser.add_argument("--namespace", default="", help="for all nodes (default: none)")
     parser.add_argument(
@@ -78,7 +86,9 @@ def run(options: argparse.Namespace) -> int:
     """Launch, and show figures until a signal comes or a node ends by itself."""
     if options.record is not None:
         refuse_existing(options.record)
-    wanted = load_parameters(chosen(options.params))
+    wanted = load_parameters(chosen(options.params or (SEEING if options.perception else DEFAULT)))
+    if options.perception is not None:
+        wanted = seeing(wanted, options.perception)
     if options.arenas is not None:
         wanted = fleet(wanted, options.arenas)
     if options.in_step is not None:

@@ -8,7 +8,7 @@ import shlex
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
-from pa_ros.arena import ArenaChoice, ArenaConfig, Design, training_programs
+from pa_ros.arena import ArenaChoice, training_programs
 from pa_ros.bags.run_log import RunLog
 from pa_ros.cli import from_bag
 from pa_ros.cli.options import (
@@ -21,14 +21,11 @@ from pa_ros.cli.options import (
 from pa_ros.cli.training_view import TrainingView
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.signals import EXIT_INTERRUPTED, signals_noted
-from pa_ros.evaluation.training import train_agent
-from pa_ros.learning.checkpoints import read_metadata
+from pa_ros.evaluation.training import camera_of, train_agent
 from pa_ros.learning.config import TrainConfig
-from pa_ros.learning.folder import checkpoint_of
-from pa_ros.perception import VIEWS, calibrated
+from pa_ros.perception import TOLD, VIEWS
 from pa_ros.world import reward_from
 
-TOLD = "told"
 EXIT_UNRECORDED = 1  # the disk was full; the run itself is whole
 
 
@@ -75,12 +72,16 @@ def run(options: argparse.Namespace) -> int:
     design, arena = chosen.design_of(), chosen.arena_config()
     learning = learning_from(options, design.vocabulary.moves_objects)
     config = settings_from(options, TrainConfig)
-    perception = _perception(options, arena, design, config.out)
+    perception = camera_of(
+        config.out if options.resume else None, arena, design, options.perception
+    )
     programs, seed = training_programs(design), config.seed
     parameters = {**learning.flat(), "frames": config.frames, "resume": options.resume}
     recorded: AbstractContextManager[RunLog | None] = nullcontext()
     if options.record is not None:
-        recorded = RunLog(options.record, arena, design, seed, programs, parameters)
+        recorded = RunLog(
+            options.record, arena, design, seed, programs, parameters, perception=perception
+        )
     with (
         signals_noted() as interrupted,
         recorded as run_log,
@@ -107,19 +108,3 @@ def run(options: argparse.Namespace) -> int:
     next_step = f"pa_ros eval --checkpoint {shlex.quote(str(config.out))}"
     print(f"checkpoint and curve in {config.out}; next: {next_step}")
     return EXIT_UNRECORDED if run_log is not None and run_log.failure is not None else 0
-
-
-def _perception(options: argparse.Namespace, arena: ArenaConfig, design: Design, out: Path) -> str:
-    """The calibration of the chosen camera; empty if properties are told.
-
-    A resumed run keeps its own: another one would see other features.
-    """
-    if options.perception == TOLD:
-        return ""
-    if options.record is not None:
-        raise ConfigError("--record: expected --perception told: a camera's runs are not recorded")
-    if options.resume:
-        if kept := str(read_metadata(checkpoint_of(out))["extra"].get("perception", "")):
-            return kept
-        raise ConfigError(f"--perception: expected told, as of the run in {out}")
-    return calibrated(arena, design, options.perception)

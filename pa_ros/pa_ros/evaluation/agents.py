@@ -84,12 +84,11 @@ def load_agent(
     preset: str | None = None,
     arm: str | None = None,
     logic: Logic = MIN_MAX,
-    with_camera: bool = False,
 ) -> TrainedAgent:
     """Load the agent of a checkpoint or of a training run's folder.
 
     Design, preset and arm are those of its training unless given. Raises ConfigError if neither
-    says them, and for an agent that sees blocks through a camera unless the caller gives it one.
+    says them.
     """
     folder = trained(Path(path))
     facts = read_metadata(folder)["extra"]
@@ -97,17 +96,11 @@ def load_agent(
     named: dict[str, Any] = {name: value or facts.get(name) for name, value in given.items()}
     if missing := [name for name, value in named.items() if not isinstance(value, str)]:
         raise ConfigError(f"agent {path}: expected {missing} in the checkpoint or as options")
-    perception = str(facts.get("perception", ""))
-    if perception and not with_camera:
-        raise ConfigError(
-            f"agent {path}: expected one that is told what blocks are, got one that sees them "
-            "through a camera, which only `pa_ros eval` has (docs/camera.md)"
-        )
     arena = preset_named(named["preset"], named["arm"])
     snapshot = load_policy(folder)
     asked = actor_config(snapshot.architecture).vocabulary.relations
     task = design_named(named["design"]).with_relations(*asked)
-    return TrainedAgent(snapshot, task, arena, logic, perception)
+    return TrainedAgent(snapshot, task, arena, logic, str(facts.get("perception", "")))
 
 
 def checkpoint_named(agent: str | Path) -> Path:

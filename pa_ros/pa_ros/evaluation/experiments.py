@@ -17,7 +17,6 @@ from pa_ros.arena import (
     design_named,
     preset_named,
     scoring_of,
-    world_of,
 )
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device, versions
@@ -30,7 +29,7 @@ from pa_ros.evaluation.tables import (
     write_rows,
     write_setting,
 )
-from pa_ros.evaluation.training import train_agent
+from pa_ros.evaluation.training import camera_of, train_agent
 from pa_ros.language import PRODUCT
 from pa_ros.learning.checkpoint_files import make_latest, newest_whole
 from pa_ros.learning.checkpoints import check_trained_with, read_metadata
@@ -39,6 +38,7 @@ from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
 from pa_ros.learning.interfaces import Evaluate
 from pa_ros.learning.protocols import PUSH, LearningSettings, usual_protocol
+from pa_ros.perception import TOLD, task_seen
 from pa_ros.world.relation import SIDES
 
 log = logging.getLogger(__name__)
@@ -69,6 +69,7 @@ class Experiment:
     switch_frames: int = 0  # train on the held-out programs from here on; 0: never
     algorithm: str = DPG
     relations: tuple[str, ...] = ()  # of the programs; empty: the design's own
+    perception: str = TOLD  # or one of `perception.VIEWS`
 
     @property
     def label(self) -> str:
@@ -134,6 +135,8 @@ EXPERIMENTS = {
     for experiment in (
         Experiment("programmable-2L", "2-L", 30_000),
         Experiment("programmable-3D", "3-D", 60_000),
+        Experiment("camera-2L", "2-L", 30_000, perception="camera"),
+        Experiment("camera-3D", "3-D", 40_000, perception="camera"),
         Experiment("programmable-3D-exact", "3-D-exact", 30_000),
         Experiment("distilled-2L", "2-L", 30_000, network="distilled-critic"),
         Experiment("distilled-3D", "3-D", 30_000, network="distilled-critic"),
@@ -196,9 +199,11 @@ def check_run(experiment: Experiment, seed: int, folder: Path, ended: bool = Fal
         return
     arena = preset_named(experiment.preset, experiment.arm)
     design, settings = experiment.task, experiment.settings
+    kept = str(read_metadata(newest)["extra"].get("perception", ""))
+    world = task_seen(arena, design, seed, kept).world
     values = check_trained_with(
         newest,
-        settings.network.for_world(world_of(arena, design)),
+        settings.network.for_world(world),
         settings.learner,
         scoring_of(arena, design),
         **{"seed": seed, "design": design.name, "preset": arena.preset, "arm": arena.arm},
@@ -251,7 +256,8 @@ def _train_until(
     condition: str,
     scores: Evaluate | None,
 ) -> None:
-    arena = preset_named(experiment.preset, experiment.arm)
+    arena, resume = preset_named(experiment.preset, experiment.arm), holds_checkpoint(folder)
+    seen = folder if resume else None, arena, experiment.task, experiment.perception
     train_agent(
         arena,
         experiment.task,
@@ -266,7 +272,8 @@ def _train_until(
             checkpoint_every_frames=experiment.checkpoint_every_frames,
         ),
         scores=scores,
-        resume=holds_checkpoint(folder),
+        perception=camera_of(*seen),
+        resume=resume,
     )
 
 
@@ -333,7 +340,8 @@ def final_scores(folder: Path, cache: Path, episodes: int = FINAL_EPISODES) -> t
     agent = load_agent(folder)
     pushes = agent.design.vocabulary.moves_objects
     agent = agent if pushes else replace(agent, logic=PRODUCT)
-    scorer = Scorer(Benchmark(design=agent.design, arena=agent.arena, episodes=episodes), cache)
+    seen = {"episodes": episodes, "perception": agent.perception}
+    scorer = Scorer(Benchmark(design=agent.design, arena=agent.arena, **seen), cache)
 
     def score(condition: str) -> float:
         own = scorer.agent(agent, condition)

@@ -3,18 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
 from pa_ros.arena import ArenaConfig, Design, training_programs
 from pa_ros.evaluation.evaluate import TrainingScores
+from pa_ros.learning import checkpoints
 from pa_ros.learning.config import TrainConfig
+from pa_ros.learning.folder import checkpoint_of
 from pa_ros.learning.interfaces import Evaluate, Log, Watcher
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.loop import train
 from pa_ros.learning.protocols import LearningSettings
-from pa_ros.perception import task_seen
+from pa_ros.perception import TOLD, calibrated, task_seen
 from pa_ros.world import Reward
+
+
+def camera_of(run: Path | None, arena: ArenaConfig, design: Design, perception: str = TOLD) -> str:
+    """The calibration of the camera that a run sees through (`perception.VIEWS`); "" for TOLD.
+
+    `run` is the folder of one that is resumed, and keeps its own. ConfigError if it is told.
+    """
+    if run is None or perception == TOLD:
+        return calibrated(arena, design, perception)
+    return checkpoints.camera_of(checkpoint_of(run))
 
 
 def train_agent(

@@ -112,6 +112,19 @@ def read_metadata(path: Path) -> dict[str, Any]:
     return dict(values)
 
 
+def camera_of(path: Path) -> str:
+    """The calibration of the camera through which a checkpoint's agent sees.
+
+    Raises ConfigError for an agent that is told what blocks are; CheckpointError.
+    """
+    if found := str(read_metadata(path)["extra"].get("perception", "")):
+        return found
+    raise ConfigError(
+        f"perception: expected an agent that sees through a camera, got {str(path)!r}, which is "
+        "told what blocks are"
+    )
+
+
 def load_policy(path: Path) -> PolicySnapshot:
     """The newest published weights of a checkpoint: all that acting needs."""
     directory = find_checkpoint(path)  # once: a running learner may replace the latest meanwhile

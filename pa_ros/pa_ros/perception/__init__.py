@@ -6,24 +6,32 @@ what blobs look like. `CameraTask` is the arena seen by it. This module needs no
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
 from pa_ros.arena import ArenaConfig, Design, ReachTask
 from pa_ros.perception.errors import PerceptionError
 from pa_ros.world import Reward
 
+if TYPE_CHECKING:
+    from pa_ros.perception.sight import Sight
+
+TOLD = "told"
 VIEWS = {"camera": "above", "corner": "overview"}
 """Cameras that agents can see through, by the name of the option, and the arena's name for them."""
 SIDE_PX = 240  # of their square pictures
 
 
 def calibrated(config: ArenaConfig, design: Design, perception: str) -> str:
-    """Calibrate one of VIEWS by looking at training scenes: the text for `task_seen`.
+    """Calibrate one of VIEWS by looking at training scenes: the text for `task_seen`; "" for TOLD.
 
     Raises PerceptionError without OpenCV, RenderError without OpenGL.
     """
-    try:
+    if perception == TOLD:
+        return ""
+    with _opencv():
         from pa_ros.perception.task import calibrate
-    except ImportError as error:
-        raise _without_opencv(error) from error
     return calibrate(config, design, VIEWS[perception], SIDE_PX).to_text()
 
 
@@ -36,16 +44,28 @@ def task_seen(
     """
     if not calibration:
         return ReachTask(config, design, seed, reward)
-    try:
+    with _opencv():
         from pa_ros.perception.calibration import Calibration
         from pa_ros.perception.task import CameraTask
-    except ImportError as error:
-        raise _without_opencv(error) from error
     return CameraTask(config, design, seed, Calibration.from_text(calibration), reward)
 
 
-def _without_opencv(error: ImportError) -> PerceptionError:
-    return PerceptionError(
-        f"perception: expected OpenCV (pip install 'programmable-agents[camera]'), got: {error}",
-        code="perception.missing",
-    )
+def sight_of(config: ArenaConfig, calibration: str) -> Sight:
+    """What sees through a calibrated camera over an arm's table. Raises as `task_seen`."""
+    with _opencv():
+        from pa_ros.perception.calibration import Calibration
+        from pa_ros.perception.sight import Sight
+    return Sight(config, Calibration.from_text(calibration))
+
+
+@contextmanager
+def _opencv() -> Iterator[None]:
+    """For imports that need OpenCV."""
+    try:
+        yield
+    except ImportError as error:
+        raise PerceptionError(
+            "perception: expected OpenCV (pip install 'programmable-agents[camera]'), got: "
+            f"{error}",
+            code="perception.missing",
+        ) from error

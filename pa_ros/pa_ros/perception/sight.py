@@ -14,6 +14,7 @@ from pa_ros.perception.tracker import Tracker
 from pa_ros.perception.view import BLOCK_M, PLANE_M, Mask, Picture, View
 from pa_ros.world.poses import POSE_WIDTH, in_hand
 
+SEEN_NOW, REMEMBERED = (255, 255, 255), (150, 150, 150)  # colors of boxes
 HIDES = 0.6  # of a block's side: a smaller part of the table that was never seen hides no block
 
 
@@ -24,8 +25,11 @@ class Sight:
     are added as objects are found.
     """
 
-    def __init__(self, view: View, config: ArenaConfig, calibration: Calibration) -> None:
-        self.view, self.calibration = view, calibration
+    def __init__(self, config: ArenaConfig, calibration: Calibration) -> None:
+        """RenderError where there is no OpenGL."""
+        size = calibration.width, calibration.height
+        view = self.view = View(config, calibration.view, *size)
+        self.calibration = calibration
         v, u = np.mgrid[: view.height, : view.width]
         radius = np.linalg.norm(view.on_plane(u, v, PLANE_M), axis=-1)
         low, high = ARMS[config.arm].block_radii_m
@@ -72,6 +76,21 @@ class Sight:
         objects[:, :POSE_WIDTH] = in_hand(hand_pose, poses)
         objects[1:, POSE_WIDTH:] = properties
         return objects
+
+    def drawn(self, picture: Picture) -> Picture:
+        """The picture with a box around each object: its row, and the groups that are new."""
+        shown, properties = picture.copy(), self._properties()
+        for row, track in enumerate(self.tracker.tracks):
+            left, top, right, bottom = track.blob.box
+            words, start = [str(row + 1)], 0
+            for name, channel in self.calibration.channels.items():
+                if not properties[row, start : start + channel.width].any():
+                    words.append(f"new {name}")
+                start += channel.width
+            ink, place = REMEMBERED if track.age else SEEN_NOW, (left, top - 3)
+            cv2.rectangle(shown, (left, top), (right, bottom), ink)
+            cv2.putText(shown, " ".join(words), place, cv2.FONT_HERSHEY_SIMPLEX, 0.35, ink)
+        return shown
 
     def _properties(self) -> Float32:
         """[tracks, properties]; computed again only where a better look was had."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pa_ros.arena import ArenaConfig, Design, Episode, ReachTask
-from pa_ros.core.experience import Observation, Verdict
+from pa_ros.core.experience import Float64, Observation, Verdict
 from pa_ros.perception.blobs import Blob, blobs
 from pa_ros.perception.calibration import MOST, Calibration
 from pa_ros.perception.sight import Sight
@@ -35,11 +35,10 @@ class CameraTask(ReachTask):
         """RenderError where there is no OpenGL, ConfigError for a design that is not seen."""
         self.seen_schema = calibration.schema(design.schema)
         super().__init__(config, design, seed, reward, measures_programs=True)
-        size = calibration.width, calibration.height
-        self.sight = Sight(View(config, calibration.view, *size), config, calibration)
+        self.sight = Sight(config, calibration)
         # Blocks that the arm touches may move, so every step is looked at.
         self._every = 1 if config.arm_touches_blocks else LOOK_EVERY
-        self.pictures = 0
+        self._looked_at = 0  # step of the newest picture
 
     @property
     def world(self) -> World:
@@ -50,14 +49,26 @@ class CameraTask(ReachTask):
         self.sight.begin()
         return super().reset_to(episode)
 
+    def rearrange(self, episode: Episode, poses: Float64, twists: Float64) -> None:
+        super().rearrange(episode, poses, twists)
+        self.sight.begin()
+
+    def close(self) -> None:
+        self.sight.view.close()
+
     def _observe(self) -> tuple[Observation, Verdict]:
         true, verdict = super()._observe()
-        if self._step % self._every == 0 and not (self._every > 1 and self.sight.complete):
-            simulation = self.simulation
-            picture = self.sight.view.take(simulation.model, simulation.data)
+        if self.sight.arm is None or self._is_due():
+            self._looked_at = self._step
+            picture = self.sight.view.take(self.simulation.model, self.simulation.data)
             self.sight.look(picture, true.joint_position)
-            self.pictures += 1
         return replace(true, objects=self.sight.objects(true.hand_pose)), verdict
+
+    def _is_due(self) -> bool:
+        """Whether this step needs a picture; another program at the same step needs no second."""
+        if self._step % self._every or self._step == self._looked_at:
+            return False
+        return self._every == 1 or not self.sight.complete
 
 
 def calibrate(

@@ -37,7 +37,7 @@ class View:
         self._data = mujoco.MjData(self._model)
         self._joints = config.joints
         self._camera = Camera(self._model, view, width, height)
-        self._matrix = intrinsics(self._model, view, width, height)
+        self.matrix = intrinsics(self._model, view, width, height)  # K, [3, 3] px
         pose, turn = optical_pose(self._model, view), np.zeros(9)
         mujoco.mju_quat2Mat(turn, np.roll(pose.quaternion, 1))
         self._place, self._turn = pose.position, turn.reshape(3, 3)  # columns: optical axes
@@ -70,7 +70,7 @@ class View:
 
     def on_plane(self, u: Any, v: Any, height: float) -> Float64:
         """Where the rays of pixels meet the plane at a height: x y, [..., 2] m; NaN: nowhere."""
-        (fx, _, cx), (_, fy, cy) = self._matrix[:2]
+        (fx, _, cx), (_, fy, cy) = self.matrix[:2]
         ray = np.stack(np.broadcast_arrays((u - cx) / fx, (v - cy) / fy, 1.0), -1) @ self._turn.T
         with np.errstate(divide="ignore", invalid="ignore"):
             along = (height - self._place[2]) / ray[..., 2]
@@ -81,7 +81,7 @@ class View:
     def pixels_per_m(self, xy: Float64) -> float:
         """How large a metre at a place on the table is in the picture."""
         away = np.array([*xy, PLANE_M]) - self._place
-        return float(self._matrix[0, 0] / (away @ self._turn[:, 2]))
+        return float(self.matrix[0, 0] / (away @ self._turn[:, 2]))
 
     def take(self, model: mujoco.MjModel, data: mujoco.MjData) -> Picture:
         """A picture of any state of this arena."""

@@ -121,6 +121,8 @@ MARKERS = Topic("markers", MarkerArray, STEP, STEP)
 # The names that image_transport and camera drivers use.
 CAMERA_IMAGE = Topic("camera/image_raw", Image, PICTURE, STEP)
 CAMERA_INFO = Topic("camera/camera_info", CameraInfo, PICTURE, STEP)
+# Pictures with boxes around the objects that were found.
+CAMERA_TRACKS = Topic("camera/tracks", Image, PICTURE, STEP)
 
 # A step from time to time, at any speed of the arena.
 SAMPLES = OBJECT_FEATURES.within("samples")

@@ -122,6 +122,8 @@ class Arm:
         world: dict[str, Any] = {"design": trained.design.name, "arm": trained.arena.arm}
         world |= {"relations": list(trained.design.vocabulary.relations)}
         world |= {"preset": trained.arena.preset, "seed": seed, "real_time_factor": float(speed)}
+        if trained.perception:
+            world["perception"] = str(checkpoint)
         changes = {"sim_node": world | arena, "agent_node": {"checkpoint": str(checkpoint)}}
         parameters = merged(load_parameters(packaged("execute_3d")), changes)
         graph = Connection("", STARTING_S, DomainClaim() if domain is None else domain)
@@ -147,13 +149,15 @@ class Arm:
     def check(self, program: str) -> str:
         """The program in canonical form.
 
-        Raises ProgramError, whose text shows the place, unless it can be executed in this scene.
+        Raises ProgramError, whose text shows the place, unless it can be executed in this scene;
+        where blocks are only seen, the arena alone knows whether it names one.
         """
         scene = self.scene()
         vocabulary = scene.arena.world.vocabulary
         parsed = parse_goal(program, vocabulary)
-        present = [set(name.split()) for name in scene.blocks]
-        require_possible(parsed, present, None, vocabulary.bodiless)
+        if scene.arena.world.schema.tells_words:
+            present = [set(name.split()) for name in scene.blocks]
+            require_possible(parsed, present, None, vocabulary.bodiless)
         return str(parsed)
 
     def explain(self, program: str = "") -> Explanation:

@@ -13,6 +13,7 @@ from pa_ros.arena.render import draw
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.agents import TrainedAgent
 from pa_ros.language import ProgramError, parse, satisfying
+from pa_ros.perception import task_seen
 from pa_ros.world.relation import RELATIONS
 
 # Conditions of the scenes: as in training; and with fewer blocks, only one of each color.
@@ -142,7 +143,7 @@ def film_execution(
 def _pictures(
     agent: TrainedAgent, seed: int, width: int, rendered: bool, missed: list[str]
 ) -> Iterator[Picture]:
-    task = ReachTask(agent.arena, agent.design, seed)
+    task = task_seen(agent.arena, agent.design, seed, agent.perception)
     for program in demo_programs(agent.design):
         scene = find_scene(agent.arena, agent.design, seed, program)
         task.reset_to(scene.episode)

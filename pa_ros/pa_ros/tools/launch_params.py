@@ -130,6 +130,16 @@ def in_step(parameters: Parameters, way: str) -> Parameters:
     return merged(parameters, {"learner_node": {"learner.schedule.in_step": way}})
 
 
+def seeing(parameters: Parameters, view: str) -> Parameters:
+    """Let every arena see its blocks through the camera of its agent's checkpoint, or a new one."""
+    changes = {}
+    for place in parameters:
+        if _last(place) == "sim_node":
+            agent = parameters.get(place.replace("sim_node", "agent_node"), {})
+            changes[place] = {"perception": agent.get("checkpoint") or view}
+    return merged(parameters, changes)
+
+
 def merged(parameters: Parameters, changes: Mapping[str, Mapping[str, Any]]) -> Parameters:
     """Replace or add parameters. Raises ConfigError for a node that isn't started."""
     absent = set(changes) - set(parameters)

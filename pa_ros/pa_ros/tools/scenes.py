@@ -66,6 +66,10 @@ class Scene:
     @property
     def programs(self) -> tuple[str, ...]:
         """Up to MAX_SUGGESTIONS programs that name something on the table."""
+        measures = self.step.verdict.measures if self.step.verdict else None
+        if measures is not None:  # nothing tells the blocks' words
+            named = zip(self.arena.training_programs, measures, strict=True)
+            return tuple(str(program) for program, m in named if isfinite(m))[:MAX_SUGGESTIONS]
         return suggested_programs(self.arena, self.blocks)
 
     def rows(self) -> list[tuple[str, str]]:

@@ -29,7 +29,7 @@ ENDLESS = 2**31 - 1  # steps of an episode without a time limit
 # Fields that are alike in the message and in the record, and arrays of numbers.
 SAME = (
     *("arena_id", "software_version", "design", "arm", "preset", "seed", "block_count"),
-    *("hand_index", "control_period", "episode_steps", "reward"),
+    *("hand_index", "control_period", "episode_steps", "reward", "perception"),
 )
 NUMBERS = ("joint_lower", "joint_upper", "speed_limits", "thresholds")
 
@@ -61,6 +61,7 @@ class ArenaDescription:
     thresholds: tuple[float, ...]  # of the world's relations, in their units
     episode_steps: int
     reward: str = SPARSE  # canonical JSON: name and parameters
+    perception: str = ""  # calibration of the camera that properties are seen with
     hand_index: int = 0
     stamp_ns: int = NO_STAMP
     arena_id: str = ""

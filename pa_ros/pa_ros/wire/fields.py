@@ -61,6 +61,20 @@ def read_array(
     return read.reshape(shape)
 
 
+def read_measures(name: str, values: Sequence[float], rows: int) -> Float64 | None:
+    """Return the measures of P programs in each of so many rows, [rows, P]; None: not said.
+
+    Raises WireError (`wire.range`) unless all are at least 0, or infinite.
+    """
+    if not len(values):
+        return None
+    measures = np.array(values, np.float64)
+    if len(measures) % rows or not (measures >= 0).all():
+        expected = f"numbers of at least 0, or inf, as many in each of {rows} rows"
+        raise WireError(name, expected, f"{len(measures)} numbers", code="wire.range")
+    return measures.reshape(rows, -1)
+
+
 def copy_fields(message: Any, record: Any, names: Iterable[str]) -> None:
     """Set the fields that message and record have under the same names."""
     for name in names:

@@ -27,6 +27,7 @@ from pa_ros.wire.fields import (
     float32_field,
     float64_field,
     read_array,
+    read_measures,
     read_stamp,
     write_stamp,
 )
@@ -62,6 +63,8 @@ def encode_trajectory(trajectory: Trajectory) -> msg.Trajectory:
     message.object_count = trajectory.objects.shape[1]
     for name in ("objects", "arm", "actions", "rewards"):
         setattr(message, name, float32_field(getattr(trajectory, name)))
+    if trajectory.measures is not None:
+        message.measures = float64_field(trajectory.measures)
     return message
 
 
@@ -95,6 +98,7 @@ def decode_trajectory(message: msg.Trajectory, world: World) -> Trajectory:
         arm=read_array("trajectory.arm", message.arm, np.float32, (rows, world.arm_features)),
         actions=read_array("trajectory.actions", message.actions, np.float32, actions, largest=1.0),
         rewards=read_array("trajectory.rewards", message.rewards, np.float32, (length,)),
+        measures=read_measures("trajectory.measures", message.measures, rows),
         stamp_ns=read_stamp(message.stamp),
         **fields_of(message, SAME_OF_TRAJECTORY),
     )

@@ -29,6 +29,7 @@ from pa_ros.wire.fields import (
     float32_field,
     float64_field,
     read_array,
+    read_measures,
     read_stamp,
     write_stamp,
 )
@@ -80,6 +81,7 @@ def encode_step(step: Step, into: msg.ObjectFeatures | None = None) -> msg.Objec
     message.reward, message.satisfied = verdict.reward, verdict.satisfied
     message.distance, message.truncated = verdict.distance, verdict.truncated
     message.stage, message.violated = verdict.stage, verdict.violated
+    message.measures = float64_field(np.array(verdict.measures or ()))
     return message
 
 
@@ -154,7 +156,8 @@ def _read_verdict(message: msg.ObjectFeatures) -> Verdict:
         expected = "at least 0, or inf"
         raise WireError("object_features.distance", expected, distance, code="wire.range")
     given = message.satisfied, distance, message.truncated, message.stage, message.violated
-    return Verdict(reward, *given)
+    measures = read_measures("object_features.measures", message.measures, 1)
+    return Verdict(reward, *given, None if measures is None else tuple(measures[0].tolist()))
 
 
 def objects_and_hand(where: str, message: msg.ObjectFeatures | msg.Trajectory) -> tuple[int, int]:

@@ -19,11 +19,12 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from pa_ros.core.experience import Body, Float64
 from pa_ros.wire import WireError
-from pa_ros.wire.fields import read_array, read_vector, write_stamp, write_vector
+from pa_ros.wire.fields import read_array, read_stamp, read_vector, write_stamp, write_vector
 from pa_ros.wire.simulator import WORLD
 from pa_ros.wire.step import LARGEST
 
 MARKERS = {"box": Marker.CUBE, "sphere": Marker.SPHERE, "cylinder": Marker.CYLINDER}
+OPTICAL_FRAME = "camera_optical_frame"
 LABEL_HEIGHT_M = 0.04  # of capital letters
 LABEL_ABOVE_M = 0.07  # a block's center
 SHELL = 1.4  # size of a relevance marker, relative to its block
@@ -126,6 +127,33 @@ def encode_camera_info(
     message.k, message.r = matrix.ravel(), np.eye(3).ravel()
     message.p = np.hstack([matrix, np.zeros((3, 1))]).ravel()
     return message
+
+
+def decode_image(message: Image) -> tuple[int, NDArray[np.uint8]]:
+    """Return the stamp (ns) of a picture, and the picture: RGB, [height, width, 3].
+
+    Raises WireError (`wire.encoding`) unless it is rgb8 or bgr8, `wire.size` if it is not whole.
+    """
+    if message.encoding not in ("rgb8", "bgr8"):
+        expected = "rgb8 or bgr8"
+        raise WireError("image.encoding", expected, message.encoding[:50], code="wire.encoding")
+    height, width, step = message.height, message.width, message.step
+    data = np.frombuffer(message.data, np.uint8)
+    if not 0 < 3 * width <= step or len(data) != height * step or not height:
+        expected = f"{height} rows of {step} bytes, at least {3 * width}"
+        raise WireError("image.data", expected, f"{len(data)} bytes", code="wire.size")
+    picture = data.reshape(height, step)[:, : 3 * width].reshape(height, width, 3)
+    picture = picture if message.encoding == "rgb8" else picture[..., ::-1]
+    return read_stamp(message.header.stamp), np.ascontiguousarray(picture)
+
+
+def decode_camera_matrix(message: CameraInfo) -> Float64:
+    """Return K [3, 3] px. Raises WireError (`wire.uncalibrated`) if the camera has none."""
+    matrix = np.array(message.k, np.float64).reshape(3, 3)
+    if not (np.isfinite(matrix).all() and matrix[0, 0] > 0 and matrix[1, 1] > 0):
+        expected = "the matrix of a calibrated camera"
+        raise WireError("camera_info.k", expected, list(message.k), code="wire.uncalibrated")
+    return matrix
 
 
 def _marker(space: str, number: int, kind: int, body: Body, stamp_ns: int) -> Any:

@@ -1,0 +1,187 @@
+"""A camera as a ROS node: it replaces what is told of the blocks by what pictures show of them.
+
+An arena, or a robot's node, says where the arm is and what the verifier thinks. This node publishes
+the same steps again under `seen/`, with the objects that the camera found; agents follow those.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydantic import Field
+
+from pa_ros.arena import preset_named
+from pa_ros.core.errors import PaError
+from pa_ros.core.experience import Step
+from pa_ros.core.extensions import NodeSettings
+from pa_ros.learning.checkpoints import camera_of
+from pa_ros.perception import sight_of
+from pa_ros.ros import topics
+from pa_ros.ros.health import ERROR, OK, WARN
+from pa_ros.ros.lifecycle import ManagedNode
+from pa_ros.ros.peers import PeerMonitor
+from pa_ros.wire import Message
+from pa_ros.wire.arena import ArenaDescription, decode_arena_info, encode_arena_info
+from pa_ros.wire.step import arena_of, decode_step, encode_step
+from pa_ros.wire.views import OPTICAL_FRAME, decode_camera_matrix, decode_image, encode_image
+
+if TYPE_CHECKING:  # it imports OpenCV
+    from pa_ros.perception.sight import Sight
+
+SEEN = "seen"  # namespace of what is published
+KEPT = 20  # steps, one of which a picture is of
+SAME_PX = 2.0  # greatest difference of two cameras' matrices
+
+
+class SeeingConfig(NodeSettings):
+    """Parameters of camera_node."""
+
+    perception: str = Field(
+        "shipped:camera", description="checkpoint of the agent that sees, and of its camera"
+    )
+    timeout_s: float = Field(
+        1.0, gt=0, le=60, description="greatest age of a picture; then no step is published"
+    )
+
+
+class CameraNode(ManagedNode):
+    """Sees blocks through the camera that an agent was trained with."""
+
+    config: SeeingConfig
+
+    def __init__(self) -> None:
+        super().__init__("camera_node", SeeingConfig)
+
+    def configure(self) -> None:
+        self._calibration = camera_of(Path(self.config.perception))
+        self._arenas = PeerMonitor[ArenaDescription]("arena", self._see_for)
+        self._sight: Sight | None = None
+        self._steps: deque[Step] = deque(maxlen=KEPT)  # of this episode
+        self._looked_at = -np.inf  # when the newest picture was taken in
+        self._published_ns = -1
+        self._fault: PaError | None = None  # why pictures are not used
+        self._calibrated = False  # whether camera_info is that of the calibration
+        self._out = self.advertise(topics.OBJECT_FEATURES.within(SEEN))
+        self._info = self.advertise(topics.ARENA_INFO.within(SEEN))
+        self._tracks = topics.CAMERA_TRACKS.publisher(self)
+        self.subscribe(topics.ARENA_INFO, self._on_arena)
+        self.subscribe(topics.OBJECT_FEATURES, self._on_step)
+        self.subscribe(topics.CAMERA_INFO, self._noting(self._on_info))
+        self.subscribe(topics.CAMERA_IMAGE, self._noting(self._on_picture))
+
+    def cleanup(self) -> None:
+        if self._sight is not None:
+            self._sight.view.close()
+
+    # The arena's steps
+
+    def _on_arena(self, message: Message) -> None:
+        arena = decode_arena_info(message)
+        self._arenas.described(arena.arena_id, arena)
+
+    def _see_for(self, arena: ArenaDescription) -> None:
+        """Begin with another arena. PaError for one whose blocks have other properties."""
+        config = preset_named("fast", arena.arm or "jaco")  # only the arm's looks matter here
+        sight = sight_of(config, self._calibration)
+        schema = sight.calibration.schema(arena.world.schema)
+        if self._sight is not None:
+            self._sight.view.close()
+        self._sight, self._calibrated = sight, False
+        self._steps.clear()
+        seen = replace(arena.world, schema=schema)
+        described = replace(arena, world=seen, perception=self._calibration)
+        self._info.publish(encode_arena_info(described))
+
+    def _on_step(self, message: Message) -> None:
+        if not self._arenas.received(arena_of(message)) or self._sight is None:
+            return
+        step = decode_step(message)
+        last = self._steps[-1] if self._steps else step
+        before, now = last.observation, step.observation
+        if (before.episode, last.evaluation) != (now.episode, step.evaluation):
+            self._steps.clear()
+            self._sight.begin()
+        self._steps.append(step)
+        self._publish(step)
+
+    def _publish(self, step: Step) -> None:
+        """Publish a step with the objects seen, unless the camera has stopped, or saw nothing yet
+        of this episode."""
+        assert self._sight is not None  # a step of its arena has arrived
+        if not self.active or self._age > self.config.timeout_s or self._sight.arm is None:
+            return
+        objects = self._sight.objects(step.observation.hand_pose)
+        self._out.publish(
+            encode_step(replace(step, observation=replace(step.observation, objects=objects)))
+        )
+        self._published_ns = step.observation.stamp_ns
+
+    # Pictures
+
+    def _noting(self, callback: Callable[[Message], None]) -> Callable[[Message], None]:
+        """The callback, with its last error kept for the diagnostics."""
+
+        def noted(message: Message) -> None:
+            try:
+                callback(message)
+                self._fault = None
+            except PaError as error:
+                self._fault = error
+                raise
+
+        return noted
+
+    def _on_info(self, message: Message) -> None:
+        self._calibrated = False
+        matrix = decode_camera_matrix(message)
+        if self._sight is None:
+            return
+        expected = self._sight.view.matrix
+        if not np.allclose(matrix, expected, rtol=0, atol=SAME_PX):
+            raise PaError(
+                f"camera_info.k: expected the camera that the agent learned with, "
+                f"{expected.round(1).tolist()}, got {matrix.round(1).tolist()}",
+                code="perception.camera",
+            )
+        self._calibrated = True
+
+    def _on_picture(self, message: Message) -> None:
+        sight, arena = self._sight, self._arenas.current
+        if sight is None or arena is None or not (self._steps and self._calibrated):
+            return
+        stamp_ns, picture = decode_image(message)
+        of = min(self._steps, key=lambda step: abs(step.observation.stamp_ns - stamp_ns))
+        if abs(of.observation.stamp_ns - stamp_ns) > arena.control_period * 5e8:
+            return  # of another episode
+        sight.look(picture, of.observation.joint_position)
+        self._looked_at = time.monotonic()
+        if self._tracks.get_subscription_count():
+            self._tracks.publish(encode_image(sight.drawn(picture), OPTICAL_FRAME, stamp_ns))
+        newest = self._steps[-1]
+        if newest.observation.stamp_ns > self._published_ns:
+            self._publish(newest)
+
+    @property
+    def _age(self) -> float:
+        """Wall time since the newest picture, s."""
+        return time.monotonic() - self._looked_at
+
+    # Health
+
+    def collect(self) -> tuple[int, str, dict[str, str]]:
+        if self._fault is not None:
+            return ERROR, f"the arm holds: {self._fault}", {}
+        if self._sight is None or not self._steps:
+            return WARN, "waits for an arena (arena_info, object_features)", {}
+        if self._age > self.config.timeout_s:
+            since = f"none for {self._age:.1f} s" if np.isfinite(self._age) else "none yet"
+            names = f"{topics.CAMERA_IMAGE.name} and {topics.CAMERA_INFO.name}"
+            return WARN, f"the arm holds: expected pictures ({names}), got {since}", {}
+        tracks = self._sight.tracker.tracks
+        return OK, f"sees {len(tracks)} objects", {"objects": str(len(tracks))}
