@@ -246,8 +246,8 @@ class Session:
         )
         # A condition may have more blocks than the design, or fewer.
         blocks = len(self.scene(False, config.first_episode).blocks)
-        seen = {"world": self.task.world, "perception": self.perception}
-        return replace(about, block_count=blocks, **seen)
+        world, perception = self.task.world, self.perception
+        return replace(about, block_count=blocks, world=world, perception=perception)
 
     def origin(self, node: str) -> Origin:
         """Software, settings and world of this arena, for recordings; `node` is its full name."""

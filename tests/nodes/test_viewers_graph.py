@@ -13,8 +13,8 @@ from helpers.pictures import opengl, pixel_of
 from pa_ros.arena.rearranging import bodies
 from pa_ros.ros import topics
 from pa_ros.wire.fields import header_stamp
+from pa_ros.wire.views import OPTICAL_FRAME as CAMERA_FRAME
 from sim_node.node import SimNode
-from sim_node.viewers import CAMERA_FRAME
 
 pytestmark = pytest.mark.graph
 CAMERA = {

@@ -340,8 +340,8 @@ def final_scores(folder: Path, cache: Path, episodes: int = FINAL_EPISODES) -> t
     agent = load_agent(folder)
     pushes = agent.design.vocabulary.moves_objects
     agent = agent if pushes else replace(agent, logic=PRODUCT)
-    seen = {"episodes": episodes, "perception": agent.perception}
-    scorer = Scorer(Benchmark(design=agent.design, arena=agent.arena, **seen), cache)
+    faced = agent.design, agent.arena, episodes
+    scorer = Scorer(Benchmark(*faced, perception=agent.perception), cache)
 
     def score(condition: str) -> float:
         own = scorer.agent(agent, condition)
