@@ -107,6 +107,16 @@ def test_a_place_may_move_to_where_another_block_was(replay: ReplayBuffer) -> No
     assert (np.linalg.norm(places(drawn)[0] - sphere, axis=-1)[rows] < 0.15).all()
 
 
+def test_programs_whose_targets_cannot_be_moved_afterwards_are_drawn_seldom(
+    replay: ReplayBuffer,
+) -> None:
+    drawn = hindsight(moved=1).draw(np.random.default_rng(1), replay, 1000).program.tolist()
+    to_place, to_block = (
+        drawn.count(TEXTS.index(text)) for text in ("NEAR(CUBE, PLACE)", "NEAR(CUBE, SPHERE)")
+    )
+    assert 0 < 5 * to_block < to_place
+
+
 def test_without_hindsight_scenes_stay_and_all_rows_are_drawn(replay: ReplayBuffer) -> None:
     drawn = hindsight(moved=0, future=0).draw(np.random.default_rng(1), replay, 300)
     np.testing.assert_array_equal(drawn.objects, replay.arrays["objects"][drawn.index])

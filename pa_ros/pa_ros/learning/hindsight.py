@@ -28,6 +28,8 @@ from pa_ros.world.world import World
 
 Bools = NDArray[np.bool_]
 
+RARITY = 8.0  # against one other program, such a program is drawn once in nine times
+
 
 class Transitions:
     """Drawn transitions [B] as the engine takes them, each under one program."""
@@ -84,6 +86,10 @@ class Hindsight:
         self._body = world.schema.bodies(kinds.features)  # [kinds]
         self._relations = self._table.relations()
         self._hand_moves = np.array([p.moves_hand for p in self.programs])
+        # A target that has a body is not moved afterwards, so hardly any transition satisfies a
+        # program that names it. Agents did not learn where these were drawn as often as others.
+        to_body = (self._sets[:, 1] & self._body).any(-1) & ~self._hand_moves[: len(programs)]
+        self._rarity = np.where(to_body, RARITY, 1.0)  # exponents of random keys, [P]
 
     def draw(self, rng: np.random.Generator, replay: ReplayBuffer, size: int) -> Transitions:
         """Draw transitions, programs and places. A transition whose scene none of the programs fits
@@ -98,12 +104,12 @@ class Hindsight:
         wanted = fits & (about | (block == HAND_INDEX)[:, None])
         # No program is about the block that moved: then any that fits the scene.
         wanted = np.where(wanted.any(-1, keepdims=True), wanted, fits)
-        program = _one_of(rng, wanted)
+        program = _one_of(rng.random(wanted.shape) ** self._rarity, wanted)
         chosen = sets[program, :, :, every]  # [B, 2, N]
         # At times also another program that fits, joined by OR.
         others = fits & (self._joined[program] >= 0)
         rows = np.flatnonzero(others.any(-1) & (rng.random(size) < self._config.either))
-        other = _one_of(rng, others[rows])
+        other = _one_of(rng.random((len(rows), others.shape[1])), others[rows])
         chosen[rows] |= sets[other, :, :, rows]
         program[rows] = self._joined[program[rows], other]
         self._move_places(rng, replay, drawn, chosen, self._body[kinds], block)
@@ -198,10 +204,9 @@ class Hindsight:
         return reward
 
 
-def _one_of(rng: np.random.Generator, wanted: Bools) -> NDArray[np.int32]:
-    """A column of each row [B, P] that is wanted, [B]: the largest of equal random keys."""
-    keys = np.where(wanted, rng.random(wanted.shape), -1.0)
-    return np.asarray(keys.argmax(-1), np.int32)
+def _one_of(keys: Float64, wanted: Bools) -> NDArray[np.int32]:
+    """A column of each row [B, P] that is wanted, [B]: that with the largest key."""
+    return np.asarray(np.where(wanted, keys, -1.0).argmax(-1), np.int32)
 
 
 def _either(one: Program, two: Program) -> Program | None:
