@@ -14,7 +14,7 @@ import yaml
 
 from agent_node.config import AgentConfig
 from learner_node.config import LearnerNodeConfig
-from pa_ros.arena import PRESETS, ArenaConfig
+from pa_ros.arena import PRESETS, ArenaChoice, ArenaConfig
 from pa_ros.core.extensions import NodeSettings
 from pa_ros.core.settings import Leaf, Settings
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
@@ -94,7 +94,7 @@ def table(kind: type[Settings], sets: dict[str, dict[str, Any]]) -> str:
     """A row for each setting, with its value in each named set.
 
     TD3's table has only the settings that DPG lacks. A node's table omits the settings of its
-    protocol and those that all nodes share.
+    protocol and those that all nodes share, the robot's those of sim_node.
     """
     names = ["Name", "Default", *(f"`{name}`" for name in sets), "Expected", "Meaning"]
     rows = [f"| {' | '.join(names)} |", "|---" * len(names) + "|"]
@@ -103,6 +103,8 @@ def table(kind: type[Settings], sets: dict[str, dict[str, Any]]) -> str:
     if kind in NODES.values():
         shared = {leaf.path for leaf in NodeSettings.leaves()}
         leaves = [leaf for leaf in leaves if not leaf.path.startswith(OF_PROTOCOLS)]
+    if kind is RobotSettings:
+        shared = {leaf.path for leaf in ArenaChoice.leaves()}
     leaves = [leaf for leaf in leaves if leaf.path not in shared]
     prefix = f"{kind.SECTION}." if issubclass(kind, (LearnerConfig, NetworkSettings)) else ""
     rows += [_row(leaf, sets, prefix) for leaf in leaves if leaf.default is not ...]

@@ -13,7 +13,7 @@ from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription
-from pa_ros.wire.views import encode_jog, encode_outlines, encode_point, encode_velocities
+from pa_ros.wire.views import encode_outlines, encode_setpoint
 from pa_ros.world.velocity import VelocityRamp
 
 if TYPE_CHECKING:
@@ -23,11 +23,6 @@ if TYPE_CHECKING:
 # arena's own `command_timeout_s`.
 OUTPUT_TIMEOUT_S = 0.3
 WATCHDOG_S = 0.05  # wall time between two checks whether commands have stopped
-OUTPUTS = {
-    "velocity": topics.VELOCITY_COMMANDS,
-    "joint_trajectory": topics.JOINT_TRAJECTORY,
-    "joint_jog": topics.JOINT_JOG,
-}
 LOOK_S = 0.5  # wall time until a new viewer is noticed
 
 
@@ -42,7 +37,7 @@ class ControllerOutput:
         config = node.config
         self._acceleration = config.max_acceleration
         self._node, self._form = node, config.controller
-        self._out = OUTPUTS[self._form].publisher(node)
+        self._out = topics.SETPOINTS[self._form].publisher(node)
         self._arena: ArenaDescription | None = None
         self._ramp = VelocityRamp((), 0.0)
         self._position: Float64 = np.zeros(0)  # of the joints, at the newest command
@@ -85,14 +80,9 @@ class ControllerOutput:
         now, period_s = time.monotonic(), arena.control_period
         elapsed_s, self._ramped_at = min(now - self._ramped_at, period_s), now
         velocity = self._ramp.towards(action, elapsed_s)
-        if self._form == "joint_trajectory":
-            target = self._position + velocity * period_s
-            self._out.publish(encode_point(arena.joint_names, target, velocity, period_s))
-        elif self._form == "joint_jog":
-            stamp_ns = self._node.get_clock().now().nanoseconds
-            self._out.publish(encode_jog(arena.joint_names, velocity, period_s, stamp_ns))
-        else:
-            self._out.publish(encode_velocities(velocity))
+        stamp_ns = self._node.get_clock().now().nanoseconds
+        moving = arena.joint_names, self._position, velocity
+        self._out.publish(encode_setpoint(self._form, *moving, period_s, stamp_ns))
 
 
 class RelevanceMarkers:

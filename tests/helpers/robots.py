@@ -100,7 +100,7 @@ class Rehearsal:
             if held > hold:
                 return True
             action = actor.act(step.observation, program)
-            velocity = self.arm.velocity(self.command(action), self.stamp_ns)
+            velocity = self.arm.velocity(self.command(action))
             self.advance(self.arm.allowed(velocity))
         return False
 

@@ -101,6 +101,11 @@ DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, STEP, STEP)
 VELOCITY_COMMANDS = Topic("velocity_commands", Float64MultiArray, STEP, STEP)
 JOINT_TRAJECTORY = Topic("joint_trajectory", JointTrajectory, STEP, STEP)
 JOINT_JOG = Topic("joint_jog", JointJog, STEP, STEP)
+SETPOINTS = {  # by the form of the command
+    "velocity": VELOCITY_COMMANDS,
+    "joint_trajectory": JOINT_TRAJECTORY,
+    "joint_jog": JOINT_JOG,
+}
 
 # Relative, so that blocks of several arenas do not share frames. In the root namespace: /tf.
 TF = Topic("tf", TFMessage, STEP, STEP)

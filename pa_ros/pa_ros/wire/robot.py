@@ -5,34 +5,31 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from geometry_msgs.msg import Point, PoseStamped, TransformStamped
+from geometry_msgs.msg import Point, PoseStamped
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 from vision_msgs.msg import Detection3DArray
 from visualization_msgs.msg import Marker, MarkerArray
 
 from pa_ros.core.experience import Float64
-from pa_ros.wire import WireError
 from pa_ros.wire.fields import header_stamp, read_array, write_stamp, write_vector
 from pa_ros.wire.step import LARGEST
 from pa_ros.wire.views import decode_pose, read_pose
 
 Measurement = tuple[str, str, Float64, int]
 """Parent frame, child frame, pose [7] of the child in its parent, stamp in ns."""
-BALL_M, LABEL_M, ARROW_M = 0.03, 0.04, 0.01  # sizes of markers
+LABEL_M, ARROW_M = 0.04, 0.01  # sizes of markers
 ARROW_S = 0.5  # an arrow shows where the hand would be then
 
 
-def transforms_of(message: TFMessage) -> Sequence[TransformStamped]:
-    """The transforms that a message of tf carries, for `decode_transform`."""
-    return message.transforms  # type: ignore[no-any-return]
-
-
-def decode_transform(message: TransformStamped) -> Measurement:
-    """Return one transform of tf. Raises WireError."""
-    moved = message.transform
-    pose = read_pose(f"tf.{message.child_frame_id}", moved.translation, moved.rotation)
-    return message.header.frame_id, message.child_frame_id, pose, header_stamp(message)
+def decode_transforms(message: TFMessage) -> list[Measurement]:
+    """Return the transforms of tf. Raises WireError."""
+    found = []
+    for one in message.transforms:
+        moved = one.transform
+        pose = read_pose(f"tf.{one.child_frame_id}", moved.translation, moved.rotation)
+        found.append((one.header.frame_id, one.child_frame_id, pose, header_stamp(one)))
+    return found
 
 
 def decode_tracked(message: PoseStamped, name: str) -> Measurement:
@@ -60,21 +57,16 @@ def decode_detections(message: Detection3DArray, wanted: Mapping[str, str]) -> l
 
 def decode_driver_joints(
     message: JointState, names: Sequence[str]
-) -> tuple[Float64, Float64 | None, int] | None:
-    """Return positions [J] (rad), velocities [J] (rad/s; None if the driver sends none) and the
-    stamp (ns) of the named joints; None for a message about other joints. Raises WireError."""
+) -> tuple[Float64, Float64, int] | None:
+    """Return positions [J] (rad), velocities [J] (rad/s) and the stamp (ns) of the named joints;
+    None for a message about other joints. Raises WireError."""
     received = list(message.name)
-    if not set(names) & set(received):
-        return None
     if not set(names) <= set(received):
-        raise WireError("joint_states.name", list(names), received, code="wire.joint_names")
+        return None
     order, shape = [received.index(name) for name in names], (len(received),)
     position = read_array("joint_states.position", message.position, np.float64, shape, LARGEST)
-    velocity = None
-    if message.velocity:
-        numbers = message.velocity
-        velocity = read_array("joint_states.velocity", numbers, np.float64, shape, LARGEST)[order]
-    return position[order], velocity, header_stamp(message)
+    velocity = read_array("joint_states.velocity", message.velocity, np.float64, shape, LARGEST)
+    return position[order], velocity[order], header_stamp(message)
 
 
 def encode_table(
@@ -92,21 +84,17 @@ def encode_table(
     :param hand_velocity: [3] m/s.
     """
     lower, upper = map(np.array, box)
-    shown = Marker(ns="workspace", type=Marker.CUBE)
-    write_vector(shown.pose.position, (lower + upper) / 2)
-    write_vector(shown.scale, upper - lower)
-    shown.color.g, shown.color.a = 1.0, 0.1
-    markers = [Marker(action=Marker.DELETEALL), shown]
+    room = Marker(ns="workspace", type=Marker.CUBE)
+    write_vector(room.pose.position, (lower + upper) / 2)
+    write_vector(room.scale, upper - lower)
+    room.color.g, room.color.a = 1.0, 0.1
+    markers = [Marker(action=Marker.DELETEALL), room]
     for i, (name, pose) in enumerate(objects.items()):
-        ball = Marker(ns="measured", id=i, type=Marker.SPHERE)
-        write_vector(ball.pose.position, pose[:3])
-        write_vector(ball.scale, np.full(3, BALL_M))
         label = Marker(ns="names", id=i, type=Marker.TEXT_VIEW_FACING, text=name)
-        write_vector(label.pose.position, pose[:3] + [0.0, 0.0, LABEL_M])
+        write_vector(label.pose.position, pose[:3])
         label.scale.z = LABEL_M
-        for marker in (ball, label):
-            marker.color.r = marker.color.g = marker.color.b = marker.color.a = 1.0
-        markers += [ball, label]
+        label.color.r = label.color.g = label.color.b = label.color.a = 1.0
+        markers.append(label)
     if "hand" in objects:
         arrow, start = Marker(ns="motion", type=Marker.ARROW), objects["hand"][:3]
         arrow.scale.x, arrow.scale.y = ARROW_M, 2 * ARROW_M

@@ -18,7 +18,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from visualization_msgs.msg import Marker, MarkerArray
 
 from pa_ros.core.experience import Body, Float64
-from pa_ros.wire import WireError
+from pa_ros.wire import Message, WireError
 from pa_ros.wire.fields import read_array, read_stamp, read_vector, write_stamp, write_vector
 from pa_ros.wire.simulator import WORLD
 from pa_ros.wire.step import LARGEST
@@ -190,24 +190,28 @@ def read_pose(name: str, position: Any, orientation: Any) -> Float64:
     return pose
 
 
-def encode_velocities(velocity: Float64) -> Float64MultiArray:
-    """Return joint velocities [J], rad/s, in the order of the arena's joints."""
-    return Float64MultiArray(data=velocity.tolist())
+def encode_setpoint(
+    form: str,
+    names: Sequence[str],
+    position: Float64,
+    velocity: Float64,
+    period_s: float,
+    stamp_ns: int,
+) -> Message:
+    """Return a command for ros2_control or MoveIt Servo that holds for one control period.
 
-
-def encode_jog(
-    names: Sequence[str], velocity: Float64, duration_s: float, stamp_ns: int
-) -> JointJog:
-    """Return velocities [J], rad/s, that hold for `duration_s`."""
-    message = JointJog(joint_names=list(names), velocities=velocity.tolist(), duration=duration_s)
-    write_stamp(message.header.stamp, stamp_ns)
-    return message
-
-
-def encode_point(
-    names: Sequence[str], position: Float64, velocity: Float64, after_s: float
-) -> JointTrajectory:
-    """Return a trajectory of one point [J], rad and rad/s, to be reached in `after_s`."""
-    point = JointTrajectoryPoint(positions=position.tolist(), velocities=velocity.tolist())
-    write_stamp(point.time_from_start, round(after_s * 1e9))
-    return JointTrajectory(joint_names=list(names), points=[point])
+    :param form: `velocity` (an array in the order of the joints), `joint_trajectory` (one point a
+        period ahead) or `joint_jog`.
+    :param position: of the joints now, [J] rad.
+    :param velocity: [J] rad/s.
+    """
+    if form == "joint_trajectory":
+        target = (position + velocity * period_s).tolist()
+        point = JointTrajectoryPoint(positions=target, velocities=velocity.tolist())
+        write_stamp(point.time_from_start, round(period_s * 1e9))
+        return Message(JointTrajectory(joint_names=list(names), points=[point]))
+    if form == "joint_jog":
+        jog = JointJog(joint_names=list(names), velocities=velocity.tolist(), duration=period_s)
+        write_stamp(jog.header.stamp, stamp_ns)
+        return Message(jog)
+    return Message(Float64MultiArray(data=velocity.tolist()))

@@ -17,12 +17,13 @@ from pa_ros.wire.program import ProgramRequest
 from pa_ros.wire.step import Command
 from pa_ros.world import reward_from
 from pa_ros.world.poses import IDENTITY, in_base, objects_from_poses
-from sim_node.robot.frames import FrameTree, Placed, RobotError
+from sim_node.robot.frames import FrameTree, RobotError
 from sim_node.robot.guard import Guard
 from sim_node.robot.joints import JointHistory
 from sim_node.robot.settings import Robot, pose_of
 
-SLOW = 2.0  # command timeouts: one without commands takes the hand half of the way to the box
+COMMAND_TIMEOUT_S = 0.3  # without a command the arm holds: three control periods
+ARM_TIMEOUT_S = 0.2  # greatest age of the joints and the hand
 AXES = np.hstack([np.eye(3), np.tile(IDENTITY[3:], (3, 1))])  # poses, [3, 7]
 HAND_M, HAND_RAD = 0.05, 0.2  # greatest differences of the measured hand and the model's
 
@@ -35,37 +36,32 @@ class RealArm:
 
     def __init__(self, robot: Robot) -> None:
         settings = self.settings = robot.settings
-        config, design = settings.arena_config(), settings.design_of()
+        config, self._design = settings.arena_config(), settings.design_of()
         self.frames, self.joints = FrameTree(), JointHistory(robot.joints)
         self.seen: Observation | None = None  # the newest observation
         self.program: str = ""  # canonical text; empty: none yet
         self.measured: dict[str, Float64] = {}  # pose [7] in the base's frame, by object
         self.model = hand_controller(config)
-        self._kinds, self._sources = robot.kinds, robot.sources
-        self._hand_offset = pose_of(settings.hand_offset, "hand_offset")
-        self._schema, self._vocabulary = design.schema, design.vocabulary
-        self._bodiless = design.vocabulary.bodiless
-        self._scoring = scoring_of(config, design, reward_from(settings.reward))
+        self._kinds = robot.kinds
+        hand = settings.hand_frame, pose_of(settings.hand_offset)
+        things = {name: (t.source, pose_of(t.offset)) for name, t in robot.objects.items()}
+        self._sources = {"hand": hand, **things}  # frame that measures it, and its pose there
+        self._scoring = scoring_of(config, self._design, reward_from(settings.reward))
         self._verifier: GoalVerifier | None = None
         self._program_id = ""
         # The agent learned that joints stop here, where the real ones may turn on. Only a base may
         # turn without limits.
         limits = [(joint.lower, joint.upper) for joint in ARMS[config.arm].joints]
+        self._middle = np.mean(limits, axis=1)
         if ARMS[config.arm].joints[0].limits is None:
             limits[0] = -np.inf, np.inf
-        lower, upper = np.array(limits).T
-        self._middle = np.array(
-            [sum(ends) / 2 if np.isfinite(ends).all() else np.nan for ends in limits]
-        )
         speeds = np.array(config.joint_speed_limits) * settings.speed_scale
-        self._guard = Guard(
-            settings.workspace, lower, upper, speeds, SLOW * settings.command_timeout_s
-        )
-        names = self.joints.names
+        lower, upper = np.array(limits).T
+        self._guard = Guard(settings.workspace, lower, upper, speeds)
         self.about = describe_robot(
-            world_of(config, design),
-            dict(zip(names, speeds.tolist(), strict=True)),
-            settings.period_s,
+            world_of(config, self._design),
+            dict(zip(self.joints.names, speeds.tolist(), strict=True)),
+            config.control_period_s,
             arm=settings.arm,
             limits=limits,
         )
@@ -74,8 +70,9 @@ class RealArm:
 
     def submit(self, request: ProgramRequest) -> str:
         """Put a program in force; its canonical text. Raises ProgramError; nothing changes then."""
-        program = parse_goal(request.text, self._vocabulary)
-        self._verifier = GoalVerifier(program, self._kinds, self._scoring, self._bodiless)
+        words = self._design.vocabulary
+        program = parse_goal(request.text, words)
+        self._verifier = GoalVerifier(program, self._kinds, self._scoring, words.bodiless)
         self._program_id, self.program = request.program_id, str(program)
         return self.program
 
@@ -85,59 +82,44 @@ class RealArm:
         """The present step, stamped `stamp_ns`. Raises RobotError if anything is not measured:
         `robot.joints`, `robot.poses`, or `robot.model` if the hand is elsewhere than the model
         says."""
-        hand, poses = self._measure(now_s)
-        joints = self.joints.at(hand.stamp_ns)
-        self._check_age(now_s, joints.arrived_s, self.settings.arm_timeout_s, "joint_states")
-        position = self._unwound(joints.position)
-        self._check_model(position, hand.pose)
-        objects = objects_from_poses(self._schema, self._kinds, np.array([hand.pose, *poses]))
+        measured_ns = self._measure(now_s)
+        hand, *_ = poses = [*self.measured.values()]
+        joints = self.joints.at(measured_ns)
+        if now_s - joints.arrived_s > ARM_TIMEOUT_S:
+            raise RobotError(_late("joint_states", now_s - joints.arrived_s), "robot.joints")
+        # A driver's -90 degrees may be the model's 270.
+        turns = np.round((joints.position - self._middle) / (2 * np.pi))
+        position = joints.position - 2 * np.pi * turns
+        self._check_model(position, hand)
+        objects = objects_from_poses(self._design.schema, self._kinds, np.array(poses))
         step = 0 if self.seen is None else self.seen.step + 1
-        measured = objects, position, joints.velocity, 0, self._program_id, hand.pose
+        measured = objects, position, joints.velocity, 0, self._program_id, hand
         self.seen = Observation(0, step, stamp_ns, *measured)
-        verdict = self._verifier.verdict(objects, hand.pose) if self._verifier else None
+        verdict = self._verifier.verdict(objects, hand) if self._verifier else None
         return Step(self.seen, verdict, self.program, arena_id=self.about.arena_id)
 
-    def check(self, now_s: float) -> None:
-        """Raise RobotError as `observe` does, if joints or poses are lost."""
-        hand, _ = self._measure(now_s)
-        arrived_s = self.joints.at(hand.stamp_ns).arrived_s
-        self._check_age(now_s, arrived_s, self.settings.arm_timeout_s, "joint_states")
+    def _measure(self, now_s: float) -> int:
+        """Find the hand and the objects in the base's frame; the stamp of the hand's pose.
 
-    def _measure(self, now_s: float) -> tuple[Placed, list[Float64]]:
-        """The hand, and the objects' poses in the base's frame; what is missing, in one error."""
-        settings, base = self.settings, self.settings.base_frame
-        wanted = {"hand": (settings.hand_frame, self._hand_offset), **self._sources}
-        found: dict[str, Placed] = {}
-        missing = []
-        for name, (frame, offset) in wanted.items():
-            oldest = settings.arm_timeout_s if name == "hand" else settings.objects_timeout_s
+        Raises one RobotError for all that is missing.
+        """
+        self.measured, missing, stamp_ns = {}, [], 0
+        for name, (frame, offset) in self._sources.items():
+            oldest = ARM_TIMEOUT_S if name == "hand" else self.settings.objects_timeout_s
             try:
-                placed = self.frames.pose(base, frame)
-                self._check_age(now_s, placed.arrived_s, oldest, frame)
+                placed = self.frames.pose(self.settings.base_frame, frame)
             except RobotError as error:
                 missing.append(f"{name}: {error}")
                 continue
-            pose = in_base(placed.pose, offset)
+            if now_s - placed.arrived_s > oldest:
+                missing.append(f"{name}: {_late(frame, now_s - placed.arrived_s)}")
+                continue
+            stamp_ns = stamp_ns or placed.stamp_ns
+            pose = self.measured[name] = in_base(placed.pose, offset)
             pose[3:] *= np.copysign(1.0, pose[6])
-            found[name] = Placed(pose, placed.stamp_ns, placed.arrived_s)
-        self.measured = {name: placed.pose for name, placed in found.items()}
         if missing:
             raise RobotError("; ".join(missing), code="robot.poses")
-        hand, *objects = found.values()
-        return hand, [placed.pose for placed in objects]
-
-    def _unwound(self, position: Float64) -> Float64:
-        """The angles [J] within half a turn of the middle of their range: a driver's -90 degrees
-        may be the model's 270."""
-        away = position - self._middle
-        whole = np.round(np.nan_to_num(away) / (2 * np.pi))
-        return np.asarray(position - 2 * np.pi * whole)
-
-    def _check_age(self, now_s: float, arrived_s: float, oldest_s: float, what: str) -> None:
-        age = now_s - arrived_s
-        if age > oldest_s:
-            code = "robot.joints" if what == "joint_states" else "robot.poses"
-            raise RobotError(f"{what}: expected at most {oldest_s:g} s old, got {age:.1f} s", code)
+        return stamp_ns
 
     def _check_model(self, position: Float64, hand: Float64) -> None:
         model = self.model.hand(position)
@@ -154,22 +136,18 @@ class RealArm:
 
     # Commands
 
-    def velocity(self, command: Command, stamp_ns: int) -> Float64:
-        """The joint velocities [J] (rad/s) that a command wants, within the box.
-
-        :param stamp_ns: now, as stamps of observations. Raises RobotError (`command.stale`) for a
-            command that answers none of the last observations.
-        """
-        oldest_ns = stamp_ns - int(self.settings.command_timeout_s * 1e9)
-        seen = self.seen
-        if seen is None or not self.program or not oldest_ns <= command.stamp_ns <= seen.stamp_ns:
+    def velocity(self, command: Command) -> Float64:
+        """The joint velocities [J] (rad/s) that a command wants. Raises RobotError
+        (`command.stale`) for one that answers none of the last observations."""
+        newest_ns = self.seen.stamp_ns if self.seen else 0
+        behind_s = (newest_ns - command.stamp_ns) / 1e9
+        if not self.program or not 0 <= behind_s <= COMMAND_TIMEOUT_S:
             raise RobotError(
-                f"joint_commands: expected a stamp of the last {self.settings.command_timeout_s} s "
-                f"and a program, got {command.stamp_ns} and {self.program or 'none'}",
+                f"joint_commands: expected an answer to the last {COMMAND_TIMEOUT_S} s and a "
+                f"program, got {behind_s:.1f} s and {self.program or 'none'}",
                 code="command.stale",
             )
-        shares = np.clip(command.action.astype(np.float64), -1.0, 1.0)
-        return np.asarray(shares * self.about.speed_limits)
+        return np.asarray(np.clip(command.action, -1.0, 1.0) * self.about.speed_limits)
 
     def allowed(self, velocity: Float64) -> Float64:
         """The joint velocities [J] that the box allows at the newest observation; rad/s."""
@@ -183,3 +161,7 @@ class RealArm:
         if self.seen is None:
             return np.zeros(3)
         return np.asarray(self.model.hand(self.seen.joint_position).jacobian[:3] @ velocity)
+
+
+def _late(what: str, age_s: float) -> str:
+    return f"{what}: the newest one is {age_s:.1f} s old"

@@ -36,59 +36,45 @@ class FrameTree:
 
     def add(self, parent: str, child: str, placed: Placed) -> None:
         """Keep a transform of `child`. Raises RobotError (`robot.frames`) if it closes a circle."""
-        parent, child = parent.lstrip("/"), child.lstrip("/")
-        if child in [name for name, _ in self._chain(parent)]:
+        if child in self._up(parent):
             raise RobotError(
                 f"tf: expected a tree, got {child} above {parent}", code="robot.frames"
             )
         known = self._parents.get(child)
-        if known and placed.stamp_ns and (known[0], known[1].stamp_ns) == (parent, placed.stamp_ns):
-            return
-        self._parents[child] = parent, placed
+        if not known or not placed.stamp_ns or known[1].stamp_ns != placed.stamp_ns:
+            self._parents[child] = parent, placed
 
     def pose(self, base: str, frame: str) -> Placed:
-        """Where `frame` is in `base`, as old as the oldest transform between them.
+        """Where `frame` is in `base`, as old as the oldest transform from either to the root.
 
         Raises RobotError (`robot.poses`) if nothing joins the two.
         """
-        for name in (base, frame):
-            if name not in self.names:
-                hint = did_you_mean(name, self.names)
-                raise RobotError(f"tf has no frame {name!r}{hint}", code="robot.poses")
-        up, down = self._chain(frame), self._chain(base)
-        shared = {name for name, _ in up} & {name for name, _ in down}
-        if not shared:
-            raise RobotError(f"tf does not join {frame!r} and {base!r}", code="robot.poses")
-        ours, theirs = _below(up, shared), _below(down, shared)
-        moving = [placed for placed in (*ours, *theirs) if placed.stamp_ns]
+        ours, theirs = self._up(frame), self._up(base)
+        if [*ours][-1] != [*theirs][-1]:
+            known = {*self._parents, *(parent for parent, _ in self._parents.values())}
+            hints = (did_you_mean(name, known) for name in (base, frame) if name not in known)
+            raise RobotError(
+                f"tf does not join {frame!r} and {base!r}{''.join(hints)}", code="robot.poses"
+            )
+        moving = [placed for placed in (*ours.values(), *theirs.values()) if placed.stamp_ns]
         return Placed(
             in_hand(_product(theirs), _product(ours)),
             min((placed.stamp_ns for placed in moving), default=0),
             min((placed.arrived_s for placed in moving), default=inf),
         )
 
-    @property
-    def names(self) -> set[str]:
-        """All frames that were named."""
-        return {*self._parents, *(parent for parent, _ in self._parents.values())}
-
-    def _chain(self, name: str) -> list[tuple[str, Placed]]:
+    def _up(self, name: str) -> dict[str, Placed]:
         """The frames from `name` up to the root, each with its pose in the next one."""
-        found: list[tuple[str, Placed]] = []
+        found = {}
         while name in self._parents:
-            parent, placed = self._parents[name]
-            found.append((name, placed))
+            parent, found[name] = self._parents[name]
             name = parent
-        return [*found, (name, Placed(IDENTITY))]
+        return found | {name: Placed(IDENTITY)}
 
 
-def _below(chain: list[tuple[str, Placed]], shared: set[str]) -> list[Placed]:
-    return [placed for name, placed in chain if name not in shared]
-
-
-def _product(chain: list[Placed]) -> Float64:
-    """The pose of the first frame of a chain in the parent of its last."""
+def _product(chain: dict[str, Placed]) -> Float64:
+    """The pose of the first frame of a chain in its last one."""
     pose = IDENTITY
-    for placed in chain:
+    for placed in chain.values():
         pose = in_base(placed.pose, pose)
     return pose

@@ -10,6 +10,7 @@ from pa_ros.core.experience import Float64
 from sim_node.robot.settings import Workspace
 
 ROUNDS = 10  # of correcting the faces that are approached too fast
+SLOW_S = 0.6  # two command timeouts: one without commands takes the hand half of the way to the box
 TINY = 1e-9  # m/s, rad/s
 DAMPING = 1e-4  # m²
 
@@ -17,7 +18,7 @@ DAMPING = 1e-4  # m²
 @dataclass(frozen=True)
 class Guard:
     """Lets the hand approach a face of the box, and a joint its limit, no faster than the distance
-    over `slow_s`. Outside, only the way back is open.
+    over SLOW_S. Outside, only the way back is open.
 
     Of the arm only the hand is guarded: an elbow may leave the box.
     """
@@ -26,7 +27,6 @@ class Guard:
     joint_lower: Float64  # [J] rad
     joint_upper: Float64
     speeds: Float64  # [J] rad/s, of the joints
-    slow_s: float
 
     def allowed(
         self, velocity: Float64, position: Float64, hand: Float64, jacobian: Float64
@@ -44,7 +44,7 @@ class Guard:
         room = np.concatenate(
             [box.upper - hand, hand - box.lower, upper - position, position - lower]
         )
-        most = np.maximum(room, 0.0) / self.slow_s
+        most = np.maximum(room, 0.0) / SLOW_S
         most[6:] = np.minimum(most[6:], [*self.speeds, *self.speeds])
         kept = velocity
         for _ in range(ROUNDS):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,9 +11,9 @@ import numpy as np
 
 from pa_ros.core.experience import Float64
 from sim_node.robot.frames import RobotError
-from sim_node.robot.settings import Joint
+from sim_node.robot.settings import DriverJoint
 
-KEPT_NS = 1_000_000_000  # of joint states before the newest
+KEPT = 1000  # joint states; a second of the fastest drivers
 
 
 @dataclass(frozen=True)
@@ -26,57 +27,38 @@ class JointSample:
 
 
 class JointHistory:
-    """The joint states of the last second. The driver may publish at any rate."""
+    """The newest joint states. The driver may publish at any rate."""
 
-    def __init__(self, joints: Sequence[Joint]) -> None:
+    def __init__(self, joints: Sequence[DriverJoint]) -> None:
         self.names = tuple(joint.name for joint in joints)
         self._signs = np.array([joint.sign for joint in joints])
         self._offsets = np.array([joint.offset for joint in joints])
-        self._kept: deque[JointSample] = deque()
+        self._kept: deque[JointSample] = deque(maxlen=KEPT)
         self.driver_position = np.zeros(len(joints))  # [J] rad, the newest as the driver sent it
 
-    def add(
-        self, position: Float64, velocity: Float64 | None, stamp_ns: int, arrived_s: float
-    ) -> None:
+    def add(self, position: Float64, velocity: Float64, stamp_ns: int, arrived_s: float) -> None:
         """Keep a state of the driver's joints in the order of `names`.
 
-        Without velocities they are computed from the positions. A state with the stamp of the one
-        before it is ignored: it is the same measurement.
+        A state that is no later than the one before is ignored: it is the same measurement.
         """
-        newest = self._kept[-1] if self._kept else None
-        if newest and stamp_ns < newest.stamp_ns:  # the driver was started again
-            self._kept.clear()
-            newest = None
-        if newest and stamp_ns == newest.stamp_ns:
+        if self._kept and stamp_ns <= self._kept[-1].stamp_ns:
             return
         self.driver_position = position
         here = self._signs * position + self._offsets
-        if velocity is not None:
-            speed = self._signs * velocity
-        elif newest:
-            speed = (here - newest.position) / ((stamp_ns - newest.stamp_ns) / 1e9)
-        else:
-            speed = np.zeros(len(here))
-        self._kept.append(JointSample(here, speed, stamp_ns, arrived_s))
-        while self._kept[0].stamp_ns < stamp_ns - KEPT_NS:
-            self._kept.popleft()
+        self._kept.append(JointSample(here, self._signs * velocity, stamp_ns, arrived_s))
 
     def at(self, stamp_ns: int) -> JointSample:
-        """The state at a time, between the two nearest ones; after the newest one, the newest.
+        """The state at a time, between the two nearest ones; before and after all, the newest.
 
         Raises RobotError (`robot.joints`) if there is none at all.
         """
         if not self._kept:
             raise RobotError(f"no joint_states of {list(self.names)} yet", code="robot.joints")
-        newest = later = self._kept[-1]
-        for earlier in reversed(self._kept):
-            if earlier.stamp_ns <= stamp_ns:
-                break
-            later = earlier
-        else:
-            return newest  # the time is of another clock, or older than all
-        if later.stamp_ns <= stamp_ns:
+        newest = self._kept[-1]
+        after = bisect(self._kept, stamp_ns, key=lambda sample: sample.stamp_ns)
+        if after in (0, len(self._kept)):
             return newest
+        earlier, later = self._kept[after - 1], self._kept[after]
         part = (stamp_ns - earlier.stamp_ns) / (later.stamp_ns - earlier.stamp_ns)
         position = earlier.position + part * (later.position - earlier.position)
         velocity = earlier.velocity + part * (later.velocity - earlier.velocity)

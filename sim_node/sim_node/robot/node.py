@@ -6,7 +6,6 @@ import math
 import time
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from pydantic import Field
 
@@ -27,17 +26,15 @@ from pa_ros.wire.robot import (
     decode_detections,
     decode_driver_joints,
     decode_tracked,
-    decode_transform,
+    decode_transforms,
     encode_table,
-    transforms_of,
 )
 from pa_ros.wire.step import decode_command, encode_step
-from sim_node.robot.arm import RealArm
+from sim_node.robot.arm import COMMAND_TIMEOUT_S, RealArm
 from sim_node.robot.frames import Placed, RobotError
-from sim_node.robot.output import Output
+from sim_node.robot.output import RobotOutput
 from sim_node.robot.settings import load_robot, measured_frame
 
-WATCHES = 4  # looks for a loss per control period
 SHOW_S = 0.25  # wall time between two samples and sets of markers
 
 
@@ -74,7 +71,7 @@ class RobotNode(ManagedNode):
         self._status = topics.PROGRAM_STATUS.publisher(self)
         self._samples = topics.SAMPLES.publisher(self)
         self._markers = topics.MARKERS.publisher(self)
-        self.output = Output(self, self.arm)
+        self.output = RobotOutput(self, self.arm)
 
         self.subscribe(topics.JOINT_STATES, self._on_joints)
         self.subscribe(topics.TF, self._on_transforms)
@@ -88,15 +85,13 @@ class RobotNode(ManagedNode):
         self.subscribe(topics.PROGRAM, self._on_program)
         self.subscribe(topics.JOINT_COMMANDS, self._on_command)
 
-        period_s = robot.settings.period_s
-        steady_timer(self, period_s, self._observe)
-        steady_timer(self, period_s / WATCHES, self._watch)
+        steady_timer(self, self.arm.about.control_period, self._step_once)
         steady_timer(self, SHOW_S, self._show)
         sends = "sends nothing (dry_run)" if robot.settings.dry_run else "moves the arm when active"
         self.get_logger().info(f"{self.config.robot}: {len(robot.objects)} objects; {sends}")
 
     def deactivate(self) -> None:
-        self.output.rest()  # and `_watch` continues
+        self.output.rest()  # and `_step_once` continues
 
     def cleanup(self) -> None:
         self.output.stop()
@@ -108,12 +103,9 @@ class RobotNode(ManagedNode):
         if state is not None:
             self.arm.joints.add(*state, time.monotonic())
 
-    def _on_transforms(self, message: Any, static: bool = False) -> None:
-        def place(one: Any) -> None:
-            self._place(decode_transform(one), static)
-
-        for one in transforms_of(message):  # a bad one doesn't spoil the others
-            self.refusals.guard("tf", place)(one)
+    def _on_transforms(self, message: Message, static: bool = False) -> None:
+        for measurement in decode_transforms(message):
+            self._place(measurement, static)
 
     def _on_detections(self, message: Message) -> None:
         for measurement in decode_detections(message, self._classes):
@@ -129,17 +121,21 @@ class RobotNode(ManagedNode):
 
     # A control step: observation out, command in
 
-    def _observe(self) -> None:
+    def _step_once(self) -> None:
         # Wall time, for people and recordings; it may be set back, and the stamp may not.
         self._stamp_ns = max(time.time_ns(), self._stamp_ns + 1)
+        was_lost = self._loss is not None
         try:
-            self._step = self.arm.observe(time.monotonic(), self._stamp_ns)
+            self._step, self._loss = self.arm.observe(time.monotonic(), self._stamp_ns), None
         except RobotError as error:
-            self._lose(error)
-            return
-        self._loss = None
-        if self.active:
-            self._features.publish(encode_step(self._step))
+            self._loss = error
+            if self.active and not was_lost:
+                self.refusals.refuse("the arm holds", error)
+        else:
+            if self.active:
+                self._features.publish(encode_step(self._step))
+        if self._loss is not None or not self.active or self._commands_are_late():
+            self.output.rest()
 
     def _on_command(self, message: Message) -> None:
         command = decode_command(message, len(self.arm.joints.names))
@@ -150,25 +146,11 @@ class RobotNode(ManagedNode):
             raise RobotError(f"expected an active robot_node, got {self.state}", "robot.inactive")
         if self._loss is not None:
             raise self._loss
-        velocity = self.arm.velocity(command, time.time_ns())
+        self.output.send(self.arm.velocity(command))
         self._commanded_at = time.monotonic()
-        self.output.send(velocity)
 
-    def _watch(self) -> None:
-        """Let the arm rest when a measurement or the agent is lost, and while inactive."""
-        now = time.monotonic()
-        try:
-            self.arm.check(now)
-        except RobotError as error:
-            self._lose(error)
-        late = now - self._commanded_at > self.arm.settings.command_timeout_s
-        if late or self._loss is not None or not self.active:
-            self.output.rest()
-
-    def _lose(self, error: RobotError) -> None:
-        if self._loss is None and self.active:
-            self.refusals.refuse("the arm holds", error)
-        self._loss = error
+    def _commands_are_late(self) -> bool:
+        return time.monotonic() - self._commanded_at > COMMAND_TIMEOUT_S
 
     def _on_program(self, message: Message) -> None:
         request = decode_program(message)
@@ -186,7 +168,7 @@ class RobotNode(ManagedNode):
             settings, arm = self.arm.settings, self.arm
             box = settings.workspace.lower, settings.workspace.upper
             moving = arm.hand_velocity(self.output.velocity)
-            shown = settings.base_frame, box, arm.measured, moving, time.time_ns()
+            shown = settings.base_frame, box, arm.measured, moving, self._stamp_ns
             self._markers.publish(encode_table(*shown))
 
     @property
@@ -208,6 +190,6 @@ class RobotNode(ManagedNode):
             return ERROR, f"holds: {self._loss}"
         if not self.arm.program:
             return OK, f"waits for a program ({topics.PROGRAM.name})"
-        if time.monotonic() - self._commanded_at > self.arm.settings.command_timeout_s:
+        if self._commands_are_late():
             return WARN, f"holds: no agent's command ({topics.JOINT_COMMANDS.name})"
         return OK, "dry run: nothing is sent to the arm" if self.arm.settings.dry_run else "running"

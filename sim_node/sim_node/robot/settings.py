@@ -1,14 +1,10 @@
-"""What robot.yaml says about a robot and its table. Without ROS; docs/robot.md explains each part.
-
-A wrong file raises ConfigError for its first fault, with the setting's name.
-"""
+"""What robot.yaml says about a robot and its table (docs/robot.md). Without ROS."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
+from typing import Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 import yaml
@@ -20,53 +16,40 @@ from pa_ros.core.experience import Float64
 from pa_ros.core.settings import Settings
 from pa_ros.wire.step import MAX_OBJECTS
 from pa_ros.world.poses import IDENTITY
-from pa_ros.world.schema import ObjectSchema
 
-LONGEST_S = 60.0  # of any age or period
-TAG_FRAME = "tag36h11:"  # of tf, before a tag's number; apriltag_ros names it so
 Entry = TypeVar("Entry", bound=Settings)
 Offset = tuple[float, ...]  # empty, a position (m), or a position and a quaternion xyzw
 Place = tuple[float, float, float]
-Seconds = Annotated[float, Field(gt=0, le=LONGEST_S)]
 
 
-class Joint(Settings):
+class DriverJoint(Settings):
     """A joint of the driver. The agent's angle is sign × the driver's + offset."""
 
     name: str = Field(description="in joint_states and in commands")
-    sign: int = Field(1, ge=-1, le=1, description="1, or -1 if the driver counts the other way")
+    sign: Literal[1, -1] = Field(1, description="-1 if the driver counts the other way")
     offset: float = Field(0.0, description="rad")
-
-    @model_validator(mode="after")
-    def _turns(self) -> Self:
-        if self.sign == 0:
-            raise ValueError("sign: expected 1 or -1, got 0")
-        return self
 
 
 class Thing(Settings):
     """An object on the table: its words, and what measures its pose."""
 
     words: tuple[str, ...] = Field(description="one of each property group")
-    frame: str = Field("", description="tf frame of the object")
-    tag: int = Field(-1, ge=-1, description="number of the AprilTag on it")
+    frame: str = Field("", description="tf frame of the object or of the tag on it")
     detection: str = Field("", description="class in a vision_msgs/Detection3DArray")
     topic: str = Field("", description="of geometry_msgs/PoseStamped")
     offset: Offset = Field((), description="pose of the object's center in what is measured")
 
     @model_validator(mode="after")
     def _is_measured_once(self) -> Self:
-        given = [self.frame, self.detection, self.topic, "tag" if self.tag >= 0 else ""]
-        if sum(map(bool, given)) != 1:
-            raise ValueError("expected exactly one of frame, tag, detection and topic")
+        if sum(map(bool, (self.frame, self.detection, self.topic))) != 1:
+            raise ValueError("expected exactly one of frame, detection and topic")
         pose_of(self.offset, "offset")
         return self
 
     @property
     def source(self) -> str:
         """The frame that measures it: one of tf, or one beside it (`measured_frame`)."""
-        tag = f"{TAG_FRAME}{self.tag}" if self.tag >= 0 else ""
-        return self.frame or tag or measured_frame(self.detection or self.topic)
+        return self.frame or measured_frame(self.detection or self.topic)
 
 
 class Workspace(Settings):
@@ -95,12 +78,11 @@ class RobotSettings(ArenaChoice):
     hand_frame: str = Field(description="tf frame of the hand")
     hand_offset: Offset = Field((), description="pose of the agent's hand in hand_frame")
     workspace: Workspace
-    period_s: float = Field(0.1, ge=0.01, le=1.0, description="between two observations")
     speed_scale: float = Field(0.3, gt=0, le=1, description="of the speeds the agent learned with")
     max_acceleration: float = Field(2.0, ge=0, le=1e3, description="rad/s² per joint; 0: no limit")
-    command_timeout_s: Seconds = Field(0.3, description="without a command the arm holds")
-    arm_timeout_s: Seconds = Field(0.2, description="greatest age of the joints and the hand")
-    objects_timeout_s: Seconds = Field(0.5, description="greatest age of an object's pose")
+    objects_timeout_s: float = Field(
+        0.5, gt=0, le=60, description="greatest age of an object's pose"
+    )
 
     @model_validator(mode="after")
     def _has_a_hand(self) -> Self:
@@ -113,14 +95,9 @@ class Robot:
     """A whole robot.yaml."""
 
     settings: RobotSettings
-    joints: tuple[Joint, ...]  # in the order of the agent's arm
+    joints: tuple[DriverJoint, ...]  # in the order of the agent's arm
     objects: dict[str, Thing]  # by name, in the order of the observation's rows
     kinds: tuple[Kind, ...]  # of the objects
-
-    @property
-    def sources(self) -> dict[str, tuple[str, Float64]]:
-        """By object: the frame that measures it, and the object's pose [7] in it."""
-        return {name: (t.source, pose_of(t.offset, "offset")) for name, t in self.objects.items()}
 
 
 def measured_frame(source: str) -> str:
@@ -131,18 +108,12 @@ def measured_frame(source: str) -> str:
 def load_robot(path: Path) -> Robot:
     """Read a robot.yaml. Raises ConfigError, with the file's name, for the first fault."""
     try:
-        values = yaml.safe_load(path.read_text())
-        return read_robot(values)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise ConfigError(
-            f"robot: expected a file robot.yaml, got {str(path)!r}: {reason}"
-        ) from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        told = " ".join(str(error).split())
-        raise ConfigError(f"{path}: expected YAML, got: {told}") from None
+        return read_robot(yaml.safe_load(path.read_text()))
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        told = " ".join(str(error).split())
+        raise ConfigError(f"{path}: expected a file robot.yaml, got: {told}") from None
 
 
 def read_robot(values: Any) -> Robot:
@@ -152,24 +123,18 @@ def read_robot(values: Any) -> Robot:
     settings = RobotSettings(**whole)
     expected = settings.arena_config().joints
     if not isinstance(joints, list) or len(joints) != expected:
-        given = len(joints) if isinstance(joints, list) else joints
-        raise ConfigError(f"joints: expected a list of {expected} for {settings.arm}, got {given}")
-    read = tuple(_entry(Joint, f"joints[{i}]", one) for i, one in enumerate(joints))
-    names = [joint.name for joint in read]
-    if len(set(names)) < len(names):
-        raise ConfigError(f"joints: expected different names, got {names}")
-    things = {
-        str(name): _entry(Thing, f"objects.{name}", one)
-        for name, one in _mapping("objects", objects).items()
-    }
-    if not 0 < len(things) < MAX_OBJECTS:
-        raise ConfigError(f"objects: expected 1 to {MAX_OBJECTS - 1}, got {len(things)}")
-    schema = settings.design_of().schema
-    kinds = tuple(_kind(schema, name, thing.words) for name, thing in things.items())
+        raise ConfigError(f"joints: expected a list of {expected} for {settings.arm}, got {joints}")
+    read = tuple(_entry(DriverJoint, f"joints[{i}]", one) for i, one in enumerate(joints))
+    things = {name: _entry(Thing, f"objects.{name}", one)
+              for name, one in _mapping("objects", objects).items()}  # fmt: skip
+    if not len(things) < MAX_OBJECTS:
+        raise ConfigError(f"objects: expected at most {MAX_OBJECTS - 1}, got {len(things)}")
+    known = {group.name: group.features.values for group in settings.design_of().schema}
+    kinds = tuple(_kind(known, name, thing.words) for name, thing in things.items())
     return Robot(settings, read, things, kinds)
 
 
-def pose_of(offset: Offset, name: str) -> Float64:
+def pose_of(offset: Offset, name: str = "offset") -> Float64:
     """The pose [7] of an offset; its quaternion gets length 1. Raises ValueError."""
     pose = IDENTITY.copy()
     if len(offset) not in (0, 3, 7):
@@ -182,12 +147,11 @@ def pose_of(offset: Offset, name: str) -> Float64:
     return pose
 
 
-def _kind(schema: ObjectSchema, name: str, words: tuple[str, ...]) -> Kind:
+def _kind(known: dict[str, tuple[str, ...]], name: str, words: tuple[str, ...]) -> Kind:
     """The properties of an object, from its words."""
-    values = {group.name: group.features.values for group in schema}
-    found = {g: word for g, known in values.items() for word in known if word in words}
-    if len(found) < len(values) or len(words) != len(values):
-        expected = ", ".join(f"{group} {list(known)}" for group, known in values.items())
+    found = {group: word for group, values in known.items() for word in values if word in words}
+    if not len(found) == len(known) == len(words):
+        expected = ", ".join(f"{group} {list(values)}" for group, values in known.items())
         raise ConfigError(
             f"objects.{name}.words: expected one word of each of {expected}, got {list(words)}"
         )
@@ -195,15 +159,13 @@ def _kind(schema: ObjectSchema, name: str, words: tuple[str, ...]) -> Kind:
 
 
 def _mapping(where: str, values: Any) -> dict[str, Any]:
-    if not isinstance(values, Mapping) or not values:
+    if not isinstance(values, dict) or not values:
         raise ConfigError(f"{where}: expected names with their settings, got {values!r}")
     return {str(name): value for name, value in values.items()}
 
 
 def _entry(kind: type[Entry], where: str, values: Any) -> Entry:
     try:
-        return kind(**_mapping(where, values))
+        return kind(**_mapping("settings", values))
     except ConfigError as error:
-        told = str(error).removeprefix(where).removeprefix(": ")
-        joint = ": " if told.startswith("expected") else "."
-        raise ConfigError(f"{where}{joint}{told}") from None
+        raise ConfigError(f"{where}: {error}") from None
