@@ -12,7 +12,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Step
 from pa_ros.language import stages
 from pa_ros.ros import topics
-from pa_ros.ros.actions import EXECUTE_PROGRAM, Goal, GoalServer
+from pa_ros.ros.actions import EXECUTE_PROGRAM, ActionGoal, GoalServer
 from pa_ros.ros.executor import steady_timer
 from pa_ros.wire import Message
 from pa_ros.wire.program import (
@@ -46,7 +46,7 @@ ENDED = {  # how an execution ended → code and reason of the result
 class _Execution:
     """The goal that is being executed."""
 
-    goal: Goal
+    goal: ActionGoal
     wanted: ProgramGoal
     request: ProgramRequest
     watch: ExecutionWatch
@@ -88,7 +88,7 @@ class ProgramGoals:
 
     # Callbacks
 
-    def _start(self, goal: Goal) -> None:
+    def _start(self, goal: ActionGoal) -> None:
         try:
             wanted = decode_goal(goal.request)
             arena_id, count = self._check(wanted.text)
@@ -121,7 +121,7 @@ class ProgramGoals:
         node.agent.check_program(goal)
         return arena.arena_id, len(stages(goal))
 
-    def _cancel(self, goal: Goal) -> None:
+    def _cancel(self, goal: ActionGoal) -> None:
         if self._current is not None and self._current.goal is goal:
             self._node.given_up = self._current.request.program_id
             self._finish(goal.cancel, code="goal.cancelled", reason="cancelled; the arm holds")

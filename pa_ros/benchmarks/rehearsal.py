@@ -64,7 +64,7 @@ def _in_the_arena(simulated: Any, scene: int) -> bool:
     """Whether a program is executed in a scene of the arena, in lockstep."""
     task = ReachTask(simulated.CONFIG, simulated.DESIGN, seed=0)
     program = parse(_program(scene), simulated.DESIGN.vocabulary)
-    seen, verdict = task.reset_to(replace(simulated.scene_of(scene), program=program))
+    seen, verdict = task.reset_to(replace(simulated.scene_of(scene), goal=program))
     actor, watch = Actor.of(load_policy(Path(AGENT))), ExecutionWatch(task.program_id)
     while (done := watch.observe(Step(seen, verdict, str(program)))) is None:
         action = actor.act(seen, program)

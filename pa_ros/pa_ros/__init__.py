@@ -96,7 +96,7 @@ def train(
 
     The same seed gives the same weights. `settings` are other ones by their dotted names, such as
     `**{"learner.updates.discount": 0.9}`, `algorithm="td3"`, `protocol="paper"`. Raises ConfigError
-    for settings that cannot be, FolderTakenError if `out` contains a run and `resume` is false.
+    for settings that cannot be, CheckpointError if `out` contains a run and `resume` is false.
     """
     from pa_ros.arena import ArenaChoice
     from pa_ros.evaluation.training import train_agent

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pa_ros.core.errors import PaError
-from pa_ros.ros.actions import SIMULATE_STEPS, Goal, GoalServer
+from pa_ros.ros.actions import SIMULATE_STEPS, ActionGoal, GoalServer
 from pa_ros.ros.executor import steady_timer
 from pa_ros.wire import Message
 from pa_ros.wire.simulator import (
@@ -27,12 +27,12 @@ class SteppingAction:
 
     def __init__(self, arena: SimNode) -> None:
         self._arena = arena
-        self._goal: Goal | None = None
+        self._goal: ActionGoal | None = None
         self._steps = self._done = 0
         self._timer: Any = None
         GoalServer(arena, SIMULATE_STEPS, self._start, self._cancel)
 
-    def _start(self, goal: Goal) -> None:
+    def _start(self, goal: ActionGoal) -> None:
         try:
             self._arena.check_active()
             steps = decode_simulation_steps(goal.request)
@@ -62,7 +62,7 @@ class SteppingAction:
             self._end()
             goal.succeed(Message(encode_steps_result(ResultCode.OK)))
 
-    def _cancel(self, goal: Goal) -> None:
+    def _cancel(self, goal: ActionGoal) -> None:
         if goal is self._goal:
             self._end()
             text = f"cancelled after {self._done} of {self._steps} steps"
@@ -72,6 +72,6 @@ class SteppingAction:
         self._goal = None
         self._arena.destroy_timer(self._timer)
 
-    def _abort(self, goal: Goal, error: PaError) -> None:
+    def _abort(self, goal: ActionGoal, error: PaError) -> None:
         self._arena.refusals.refuse(SIMULATE_STEPS[0], error)
         goal.abort(Message(encode_steps_result(ResultCode.OPERATION_FAILED, str(error))))

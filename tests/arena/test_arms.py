@@ -10,7 +10,7 @@ import pytest
 from pa_ros.arena import (
     ARMS,
     ArenaConfig,
-    Arm,
+    ArmModel,
     ReachTask,
     design_named,
     mean_reward,
@@ -131,6 +131,6 @@ def test_blocks_lie_within_the_sector_of_the_arm() -> None:
 
 
 @every_arm
-def test_the_preset_paper_stays_within_the_speeds_of_the_real_arm(arm: Arm) -> None:
+def test_the_preset_paper_stays_within_the_speeds_of_the_real_arm(arm: ArmModel) -> None:
     for speed, joint in zip(arm.speeds["paper"], arm.joints, strict=True):
         assert speed <= joint.max_speed

@@ -3,7 +3,7 @@
 `pa_ros train --extension tests/extending/crane.py --arm crane` learns with it.
 """
 
-from pa_ros.arena import ARMS, Arm, Joint
+from pa_ros.arena import ARMS, ArmModel, Joint
 
 LARGE, SMALL = (2.5, 60.0, 40.0), (3.0, 15.0, 8.0)  # rad/s, N m, N m s/rad
 # Name, limits, motor; start and working range. At zero the arm is straight up.
@@ -41,4 +41,4 @@ def mjcf(attributes: str) -> str:
 </body>"""
 
 
-ARMS.register("crane", Arm("crane", JOINTS, {"fast": (1.5,) * 4, "paper": (0.5,) * 4}, mjcf))
+ARMS.register("crane", ArmModel("crane", JOINTS, {"fast": (1.5,) * 4, "paper": (0.5,) * 4}, mjcf))

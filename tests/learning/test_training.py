@@ -29,11 +29,11 @@ from pa_ros.language import PRODUCT
 from pa_ros.learning import records
 from pa_ros.learning.checkpoints import load_policy, restore, save_checkpoint
 from pa_ros.learning.config import TrainConfig
-from pa_ros.learning.errors import CheckpointError, DivergedError, FolderTakenError
+from pa_ros.learning.errors import CheckpointError, DivergedError
 from pa_ros.learning.folder import claim
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.loop import train
-from pa_ros.learning.progress import Progress
+from pa_ros.learning.progress import ProgressLog
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Trajectory
 
@@ -187,9 +187,9 @@ def test_settings_that_are_refused_leave_no_folder(tmp_path) -> None:
 def test_a_folder_that_holds_a_run_is_resumed_or_refused(tmp_path) -> None:
     run(tmp_path, 60, evaluate_every_frames=20)
     kept = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
-    with pytest.raises(FolderTakenError, match=r"expected a folder without a run.*--resume"):
+    with pytest.raises(CheckpointError, match=r"expected a folder without a run.*--resume"):
         run(tmp_path, 40, evaluate_every_frames=20)
-    with claim(tmp_path, resume=True), pytest.raises(FolderTakenError, match="another run writes"):
+    with claim(tmp_path, resume=True), pytest.raises(CheckpointError, match="another run writes"):
         run(tmp_path, 40, resume=True)
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == kept
     assert run(tmp_path, 80, resume=True).counters.frames == 80
@@ -268,7 +268,7 @@ def test_a_full_disk_costs_checkpoints_on_the_way_but_the_last_must_be_saved(
 
 
 def test_a_row_that_had_no_room_is_written_with_the_next(tmp_path, monkeypatch) -> None:
-    progress = Progress(tmp_path / "progress.csv")
+    progress = ProgressLog(tmp_path / "progress.csv")
     with monkeypatch.context() as patch:
         patch.setattr(Path, "replace", Mock(side_effect=OSError(28, "full")))
         with pytest.raises(OSError, match="full"):

@@ -16,7 +16,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, PublishedPolicy
 from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.checkpoints import read_metadata
-from pa_ros.learning.errors import FolderTakenError
+from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.world import Trajectory
 
@@ -182,10 +182,10 @@ def test_a_learner_resumes_where_it_stopped(tmp_path: Path):
 
 def test_a_folder_in_use_by_another_run_is_rejected(tmp_path: Path):
     bench = Bench(out=str(tmp_path))
-    with pytest.raises(FolderTakenError, match="another run writes into"):
+    with pytest.raises(CheckpointError, match="another run writes into"):
         Bench(out=str(tmp_path))
     bench.worker.close()
-    with pytest.raises(FolderTakenError, match="expected a folder without a run"):
+    with pytest.raises(CheckpointError, match="expected a folder without a run"):
         Bench(out=str(tmp_path))
     Bench(out=str(tmp_path), resume=True).worker.close()
 

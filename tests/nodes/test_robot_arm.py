@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from helpers.robots import CONFIG, DESIGN, NAMES, PERIOD_S, Rehearsal
 from pa_ros.acting.actor import Actor
+from pa_ros.arena import ArenaError
 from pa_ros.arena.camera import Camera, intrinsics, optical_pose
 from pa_ros.core.extensions import load
 from pa_ros.language import parse
@@ -16,7 +17,7 @@ from pa_ros.learning.checkpoints import load_policy
 from pa_ros.wire.program import ProgramRequest
 from pa_ros.world.poses import in_base, in_hand
 from sim_node.robot.arm import RealArm
-from sim_node.robot.frames import FrameTree, Placed, RobotError
+from sim_node.robot.frames import FrameTree, Placed
 from sim_node.robot.guard import SLOW_S, Guard
 from sim_node.robot.joints import JointHistory
 from sim_node.robot.settings import DriverJoint, Workspace, load_robot
@@ -32,7 +33,7 @@ def _random_pose(rng):
 
 
 def refused(call, *given):
-    with pytest.raises(RobotError) as error:
+    with pytest.raises(ArenaError) as error:
         call(*given)
     return error.value.code, str(error.value)
 

@@ -8,7 +8,7 @@ import yaml
 from learner_node.config import LearnerNodeConfig
 from pa_ros.cli.launch import DEFAULT
 from pa_ros.core.errors import ConfigError
-from pa_ros.learning.errors import FolderTakenError
+from pa_ros.learning.errors import CheckpointError
 from pa_ros.tools.launch_params import (
     Parameters,
     chosen,
@@ -151,7 +151,7 @@ def test_each_launch_has_its_own_folder_and_learns_into_it(tmp_path, monkeypatch
 def test_a_launch_into_a_folder_with_a_run_is_rejected(tmp_path):
     (tmp_path / "checkpoint").mkdir()
     (tmp_path / "checkpoint" / "LATEST").write_text("version-000000001")
-    with pytest.raises(FolderTakenError, match="expected a folder without a run"):
+    with pytest.raises(CheckpointError, match="expected a folder without a run"):
         learning_into(tmp_path, {"learner_node": {}})
     resumed = {"learner_node": {"resume": True}}
     assert learning_into(tmp_path, resumed)["learner_node"]["out"] == str(tmp_path)

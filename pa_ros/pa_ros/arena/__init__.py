@@ -1,6 +1,6 @@
 """The simulated arena: arm, table, blocks, episodes, the verifier and reference policies."""
 
-from pa_ros.arena.arms import ARMS, Arm, Joint
+from pa_ros.arena.arms import ARMS, ArmModel, Joint
 from pa_ros.arena.conditions import Condition, condition_named, conditions_for, training_programs
 from pa_ros.arena.config import PRESETS, ArenaChoice, ArenaConfig, preset_named
 from pa_ros.arena.designs import DESIGNS, Design, Kind, design_named
@@ -18,7 +18,7 @@ __all__ = [
     "ArenaChoice",
     "ArenaConfig",
     "ArenaError",
-    "Arm",
+    "ArmModel",
     "Block",
     "Condition",
     "Design",

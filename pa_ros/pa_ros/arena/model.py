@@ -28,7 +28,7 @@ def build(config: ArenaConfig, looks: Sequence[Look]) -> mujoco.MjModel:
 
     The bodies are the arm's, of which `hand` is the last, then `block0` …, so that hand and blocks
     are consecutive. Places, whose looks have no body, are only seen. Raises ConfigError if the
-    arm's bodies are not as `Arm` describes.
+    arm's bodies are not as `ArmModel` describes.
     """
     try:
         model = mujoco.MjModel.from_xml_string(mjcf(config, looks))

@@ -12,16 +12,10 @@ class LearningError(PaError):
 
 
 class CheckpointError(LearningError):
-    """A checkpoint that is missing, damaged, or of other networks or settings."""
+    """A checkpoint that is missing, damaged, or of other networks or settings; or a
+    run's folder that another run uses (learning.in_use) or used (learning.folder_used)."""
 
     code = "learning.checkpoint"
-
-
-class FolderTakenError(CheckpointError):
-    """A run's folder that another run uses (learning.in_use) or already used
-    (learning.folder_used)."""
-
-    code = "learning.folder_used"
 
 
 class DivergedError(LearningError):

@@ -7,7 +7,7 @@ from typing import IO
 
 from pa_ros.core.files import take_lock
 from pa_ros.learning.checkpoint_files import LATEST, completed
-from pa_ros.learning.errors import CheckpointError, FolderTakenError
+from pa_ros.learning.errors import CheckpointError
 
 
 def checkpoint_of(folder: Path) -> Path:
@@ -21,18 +21,19 @@ def holds_checkpoint(folder: Path) -> bool:
 
 
 def refuse_used(folder: Path) -> None:
-    """Raise FolderTakenError if the folder holds a checkpoint."""
+    """Raise CheckpointError if the folder holds a checkpoint."""
     if holds_checkpoint(folder):
-        raise FolderTakenError(
+        raise CheckpointError(
             f"{folder}: expected a folder without a run, got one that holds a checkpoint: resume "
-            "it (--resume, or the learner's parameter resume), or name another folder"
+            "it (--resume, or the learner's parameter resume), or name another folder",
+            code="learning.folder_used",
         )
 
 
 def claim(folder: Path, resume: bool = False) -> IO[bytes]:
     """Lock a run's folder until the returned file is closed or the process ends.
 
-    Raises FolderTakenError if another run uses it (two would overwrite each other's checkpoints) or
+    Raises CheckpointError if another run uses it (two would overwrite each other's checkpoints) or
     if it holds a checkpoint and `resume` is false; CheckpointError if it is not writable.
     """
     try:
@@ -42,7 +43,7 @@ def claim(folder: Path, resume: bool = False) -> IO[bytes]:
         raise CheckpointError(f"{folder}: {error}") from error
     try:
         if not take_lock(lock.fileno()):
-            raise FolderTakenError(
+            raise CheckpointError(
                 f"{folder}: expected a folder for this run alone, got one that another run writes "
                 "into",
                 code="learning.in_use",

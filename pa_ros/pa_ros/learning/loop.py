@@ -50,7 +50,7 @@ def train(
     :param evaluate: scores an actor every `config.evaluate_every_frames`.
     :raises ConfigError: for settings that do not work in one process.
     :raises CheckpointError: if there is no checkpoint to resume from that fits the settings.
-    :raises FolderTakenError: if another run uses `config.out`, or left a checkpoint there and
+    :raises CheckpointError: if another run uses `config.out`, or left a checkpoint there and
         `resume` is false.
     """
     if learner_config.schedule.in_step == "free":

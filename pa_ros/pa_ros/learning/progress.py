@@ -16,7 +16,7 @@ from pa_ros.learning.errors import CheckpointError, LearningError
 Row = Mapping[str, float] | Mapping[str, str]
 
 
-class Progress:
+class ProgressLog:
     """Rows of a CSV file that is whole at any moment.
 
     When resuming, rows after `frames` are dropped: that part of the run is repeated.

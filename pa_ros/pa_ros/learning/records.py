@@ -13,7 +13,7 @@ from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.progress import Progress
+from pa_ros.learning.progress import ProgressLog
 from pa_ros.learning.run import LearningRun
 
 log = logging.getLogger(__name__)
@@ -44,7 +44,7 @@ class Records:
         self._reward_steps: int = resumed.get("reward_steps", 0)
         self._started = time.monotonic() - resumed.get("wall_s", 0.0)
         frames = run.learner.counters.frames if resumed else None
-        self._progress = Progress(config.out / "progress.csv", frames)
+        self._progress = ProgressLog(config.out / "progress.csv", frames)
 
     def add_rewards(self, rewards: Sequence[float]) -> None:
         """Add an episode's, one by one, so that the sum does not depend on a stop between."""

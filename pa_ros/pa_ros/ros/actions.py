@@ -55,7 +55,7 @@ class _Server(ActionServer):  # type: ignore[misc]
 
     def __init__(self, node: Node, action: Action) -> None:
         self.action = action
-        self.goals: dict[bytes, Goal] = {}  # by id: the active ones, and some that have ended
+        self.goals: dict[bytes, ActionGoal] = {}  # by id: the active ones, and some that have ended
         execute: Callable[[Any], None] = lambda handle: None  # noqa: E731
         super().__init__(
             _SteadyNode(node),
@@ -86,7 +86,7 @@ def servers_of(node: Node) -> list[_Server]:
     return [one for one in node.waitables if isinstance(one, _Server)]
 
 
-class Goal:
+class ActionGoal:
     """An accepted goal. The first call of `succeed`, `abort` or `cancel` ends it."""
 
     def __init__(self, server: _Server, handle: Any) -> None:
@@ -125,8 +125,8 @@ class GoalServer:
         self,
         node: ManagedNode,
         action: Action,
-        start: Callable[[Goal], None],
-        cancel: Callable[[Goal], None],
+        start: Callable[[ActionGoal], None],
+        cancel: Callable[[ActionGoal], None],
     ) -> None:
         """
         :param start: receives each goal, and has to end it sooner or later.
@@ -149,7 +149,7 @@ class GoalServer:
         return GoalResponse.ACCEPT
 
     def _accepted(self, handle: Any) -> None:
-        goal, goals = Goal(self._server, handle), self._server.goals
+        goal, goals = ActionGoal(self._server, handle), self._server.goals
         for ended in [key for key, one in goals.items() if not one.active]:
             del goals[ended]
         goals[bytes(handle.goal_id.uuid)] = goal

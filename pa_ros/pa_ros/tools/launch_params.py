@@ -172,7 +172,7 @@ def new_folder(kind: str) -> Path:
 def learning_into(folder: Path, parameters: Parameters) -> Parameters:
     """Let the learner write into the launch's folder, unless the file names another one.
 
-    Raises FolderTakenError if that folder already contains a run that isn't resumed.
+    Raises CheckpointError if that folder already contains a run that isn't resumed.
     """
     learner = parameters.get("learner_node")
     if learner is None:

@@ -33,17 +33,9 @@ _FIELD: Final = "signature"
 Read = Callable[[Any], Any]  # reads a field of a message
 
 
-class SigningError(PaError):
-    """A key file that cannot be used, or a message without a valid signature.
-
-    Codes: `auth.key_file`, `auth.unsigned`, `auth.forged`, `auth.replayed`.
-    """
-
-    code = "auth"
-
-
 def read_key(path: Path) -> bytes:
-    """Return the key in a file that only its owner can read. Raises SigningError.
+    """Return the key in a file that only its owner can read. Raises PaError
+    (`auth.key_file`).
 
     `head -c 32 /dev/urandom > FILE` makes one.
     """
@@ -51,13 +43,13 @@ def read_key(path: Path) -> bytes:
         mode = stat.S_IMODE(path.stat().st_mode)
         key = read_regular(path, MOST_KEY_BYTES)
     except OSError as error:
-        raise SigningError(f"auth_key_file: {error}", code="auth.key_file") from error
+        raise PaError(f"auth_key_file: {error}", code="auth.key_file") from error
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
         text = f"expected a file that only its owner can read (mode 600), got mode {mode:o}"
-        raise SigningError(f"auth_key_file: {path}: {text}", code="auth.key_file")
+        raise PaError(f"auth_key_file: {path}: {text}", code="auth.key_file")
     if len(key) < KEY_BYTES:
         text = f"expected at least {KEY_BYTES} bytes, got {len(key)}"
-        raise SigningError(f"auth_key_file: {path}: {text}", code="auth.key_file")
+        raise PaError(f"auth_key_file: {path}: {text}", code="auth.key_file")
     return key
 
 
@@ -90,15 +82,16 @@ class Checker:
         self._received: dict[tuple[str, str], _Received] = {}  # by topic and sender
 
     def check(self, topic: str, message: Message) -> None:
-        """Raise SigningError if a message that arrived on a topic must not be used."""
+        """Raise PaError (`auth.unsigned`, `auth.forged`, `auth.replayed`) if a message that arrived
+        on a topic must not be used."""
         signed: Any = message
         if not signed.signature:
-            raise SigningError(f"{topic}: expected a signature, got none", code="auth.unsigned")
+            raise PaError(f"{topic}: expected a signature, got none", code="auth.unsigned")
         mark = signed.signature[0]
         if not hmac.compare_digest(mark.mac.tobytes(), _mac(self._key, topic, signed)):
             text = "expected a signature made with this graph's key, for this topic, got another "
             text += f"from a sender that calls itself {mark.sender[:100]!r}"
-            raise SigningError(f"{topic}: {text}", code="auth.forged")
+            raise PaError(f"{topic}: {text}", code="auth.forged")
         received = self._received.get((topic, mark.sender))
         if received is None:
             received = self._received[topic, mark.sender] = _Received(mark.incarnation)
@@ -106,7 +99,7 @@ class Checker:
             text = f"expected a new message of {mark.sender!r} (incarnation "
             text += f"{received.incarnation}, counter above {received.highest}), got counter "
             text += f"{mark.counter} of incarnation {mark.incarnation} again"
-            raise SigningError(f"{topic}: {text}", code="auth.replayed")
+            raise PaError(f"{topic}: {text}", code="auth.replayed")
 
 
 @dataclass

@@ -9,6 +9,7 @@ import numpy as np
 
 from pa_ros.arena.arms import ARMS
 from pa_ros.arena.controllers import hand_controller
+from pa_ros.arena.errors import ArenaError
 from pa_ros.arena.task import GoalVerifier, scoring_of, world_of
 from pa_ros.core.experience import Float64, Observation, Step
 from pa_ros.language import parse_goal
@@ -17,7 +18,7 @@ from pa_ros.wire.program import ProgramRequest
 from pa_ros.wire.step import Command
 from pa_ros.world import reward_from
 from pa_ros.world.poses import IDENTITY, in_base, objects_from_poses
-from sim_node.robot.frames import FrameTree, RobotError
+from sim_node.robot.frames import FrameTree
 from sim_node.robot.guard import Guard
 from sim_node.robot.joints import JointHistory
 from sim_node.robot.settings import Robot, pose_of
@@ -79,14 +80,14 @@ class RealArm:
     # Observations
 
     def observe(self, now_s: float, stamp_ns: int) -> Step:
-        """The present step, stamped `stamp_ns`. Raises RobotError if anything is not measured:
+        """The present step, stamped `stamp_ns`. Raises ArenaError if anything is not measured:
         `robot.joints`, `robot.poses`, or `robot.model` if the hand is elsewhere than the model
         says."""
         measured_ns = self._measure(now_s)
         hand, *_ = poses = [*self.measured.values()]
         joints = self.joints.at(measured_ns)
         if now_s - joints.arrived_s > ARM_TIMEOUT_S:
-            raise RobotError(_late("joint_states", now_s - joints.arrived_s), "robot.joints")
+            raise ArenaError(_late("joint_states", now_s - joints.arrived_s), "robot.joints")
         # A driver's -90 degrees may be the model's 270.
         turns = np.round((joints.position - self._middle) / (2 * np.pi))
         position = joints.position - 2 * np.pi * turns
@@ -101,14 +102,14 @@ class RealArm:
     def _measure(self, now_s: float) -> int:
         """Find the hand and the objects in the base's frame; the stamp of the hand's pose.
 
-        Raises one RobotError for all that is missing.
+        Raises one ArenaError for all that is missing.
         """
         self.measured, missing, stamp_ns = {}, [], 0
         for name, (frame, offset) in self._sources.items():
             oldest = ARM_TIMEOUT_S if name == "hand" else self.settings.objects_timeout_s
             try:
                 placed = self.frames.pose(self.settings.base_frame, frame)
-            except RobotError as error:
+            except ArenaError as error:
                 missing.append(f"{name}: {error}")
                 continue
             if now_s - placed.arrived_s > oldest:
@@ -118,7 +119,7 @@ class RealArm:
             pose = self.measured[name] = in_base(placed.pose, offset)
             pose[3:] *= np.copysign(1.0, pose[6])
         if missing:
-            raise RobotError("; ".join(missing), code="robot.poses")
+            raise ArenaError("; ".join(missing), code="robot.poses")
         return stamp_ns
 
     def _check_model(self, position: Float64, hand: Float64) -> None:
@@ -127,7 +128,7 @@ class RealArm:
         turn = in_base(hand, AXES)[:, :3] - hand[:3]  # the measured axes as rows
         angle = float(np.arccos(np.clip((np.sum(turn * model.turn.T) - 1) / 2, -1.0, 1.0)))
         if apart > HAND_M or angle > HAND_RAD:
-            raise RobotError(
+            raise ArenaError(
                 f"the hand is {apart:.2f} m and {angle:.1f} rad from where the model of "
                 f"{self.settings.arm} puts it: check the joints' order, signs and offsets, and "
                 "base_frame, hand_frame and hand_offset",
@@ -137,12 +138,12 @@ class RealArm:
     # Commands
 
     def velocity(self, command: Command) -> Float64:
-        """The joint velocities [J] (rad/s) that a command wants. Raises RobotError
+        """The joint velocities [J] (rad/s) that a command wants. Raises ArenaError
         (`command.stale`) for one that answers none of the last observations."""
         newest_ns = self.seen.stamp_ns if self.seen else 0
         behind_s = (newest_ns - command.stamp_ns) / 1e9
         if not self.program or not 0 <= behind_s <= COMMAND_TIMEOUT_S:
-            raise RobotError(
+            raise ArenaError(
                 f"joint_commands: expected an answer to the last {COMMAND_TIMEOUT_S} s and a "
                 f"program, got {behind_s:.1f} s and {self.program or 'none'}",
                 code="command.stale",

@@ -5,14 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
-from pa_ros.core.errors import PaError
+from pa_ros.arena.errors import ArenaError
 from pa_ros.core.experience import Float64
 from pa_ros.core.text import did_you_mean
 from pa_ros.world.poses import IDENTITY, in_base, in_hand
-
-
-class RobotError(PaError):
-    """The arm can't be moved now, or a message that would move it is rejected; `code` says why."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +31,9 @@ class FrameTree:
         self._parents: dict[str, tuple[str, Placed]] = {}
 
     def add(self, parent: str, child: str, placed: Placed) -> None:
-        """Keep a transform of `child`. Raises RobotError (`robot.frames`) if it closes a circle."""
+        """Keep a transform of `child`. Raises ArenaError (`robot.frames`) if it closes a circle."""
         if child in self._up(parent):
-            raise RobotError(
+            raise ArenaError(
                 f"tf: expected a tree, got {child} above {parent}", code="robot.frames"
             )
         known = self._parents.get(child)
@@ -47,13 +43,13 @@ class FrameTree:
     def pose(self, base: str, frame: str) -> Placed:
         """Where `frame` is in `base`, as old as the oldest transform from either to the root.
 
-        Raises RobotError (`robot.poses`) if nothing joins the two.
+        Raises ArenaError (`robot.poses`) if nothing joins the two.
         """
         ours, theirs = self._up(frame), self._up(base)
         if [*ours][-1] != [*theirs][-1]:
             known = {*self._parents, *(parent for parent, _ in self._parents.values())}
             hints = (did_you_mean(name, known) for name in (base, frame) if name not in known)
-            raise RobotError(
+            raise ArenaError(
                 f"tf does not join {frame!r} and {base!r}{''.join(hints)}", code="robot.poses"
             )
         moving = [placed for placed in (*ours.values(), *theirs.values()) if placed.stamp_ns]

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pa_ros.arena.errors import ArenaError
 from pa_ros.core.experience import Float64
-from sim_node.robot.frames import RobotError
 from sim_node.robot.settings import DriverJoint
 
 KEPT = 1000  # joint states; a second of the fastest drivers
@@ -50,10 +50,10 @@ class JointHistory:
     def at(self, stamp_ns: int) -> JointSample:
         """The state at a time, between the two nearest ones; before and after all, the newest.
 
-        Raises RobotError (`robot.joints`) if there is none at all.
+        Raises ArenaError (`robot.joints`) if there is none at all.
         """
         if not self._kept:
-            raise RobotError(f"no joint_states of {list(self.names)} yet", code="robot.joints")
+            raise ArenaError(f"no joint_states of {list(self.names)} yet", code="robot.joints")
         newest = self._kept[-1]
         after = bisect(self._kept, stamp_ns, key=lambda sample: sample.stamp_ns)
         if after in (0, len(self._kept)):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from pydantic import Field
 
+from pa_ros.arena.errors import ArenaError
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, Step
 from pa_ros.core.extensions import NodeSettings
@@ -31,7 +32,7 @@ from pa_ros.wire.robot import (
 )
 from pa_ros.wire.step import decode_command, encode_step
 from sim_node.robot.arm import COMMAND_TIMEOUT_S, RealArm
-from sim_node.robot.frames import Placed, RobotError
+from sim_node.robot.frames import Placed
 from sim_node.robot.output import RobotOutput
 from sim_node.robot.settings import load_robot, measured_frame
 
@@ -127,7 +128,7 @@ class RobotNode(ManagedNode):
         was_lost = self._loss is not None
         try:
             self._step, self._loss = self.arm.observe(time.monotonic(), self._stamp_ns), None
-        except RobotError as error:
+        except ArenaError as error:
             self._loss = error
             if self.active and not was_lost:
                 self.refusals.refuse("the arm holds", error)
@@ -143,7 +144,7 @@ class RobotNode(ManagedNode):
         if not self._agents.received(agent, agent):
             return  # the diagnostics name this second agent
         if not self.active:
-            raise RobotError(f"expected an active robot_node, got {self.state}", "robot.inactive")
+            raise ArenaError(f"expected an active robot_node, got {self.state}", "robot.inactive")
         if self._loss is not None:
             raise self._loss
         self.output.send(self.arm.velocity(command))

@@ -1,12 +1,12 @@
 """Arms by name; extensions register custom ones (docs/extending.md)."""
 
-from pa_ros.arena.arms.arm import Arm, Joint
+from pa_ros.arena.arms.arm import ArmModel, Joint
 from pa_ros.arena.arms.jaco import JACO
 from pa_ros.arena.arms.panda import PANDA
 from pa_ros.core.extensions import Registry
 
-__all__ = ["ARMS", "Arm", "Joint"]
+__all__ = ["ARMS", "ArmModel", "Joint"]
 
-ARMS: Registry[Arm] = Registry("arm")
+ARMS: Registry[ArmModel] = Registry("arm")
 for _arm in (JACO, PANDA):
     ARMS.register(_arm.name, _arm)

@@ -27,7 +27,7 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class Arm:
+class ArmModel:
     """An arm in the middle of the table, with its base at the origin.
 
     The start angle of the first joint is drawn from its working range in each episode.

@@ -36,7 +36,7 @@ class Base:
 
 
 @dataclass(frozen=True)
-class Hand:
+class HandCapsule:
     """A capsule around palm and fingers, which do not move, in the last link's frame."""
 
     offset_m: Vector
@@ -48,13 +48,13 @@ class Hand:
 
 @dataclass(frozen=True)
 class Chain:
-    """The function `Arm.mjcf` of a chain, in which each link is placed in the frame of the previous
-    one."""
+    """The function `ArmModel.mjcf` of a chain, in which each link is placed in the frame of the
+    previous one."""
 
     base: Base
     joints: Sequence[Joint]
     links: Sequence[Link]  # one for each joint
-    hand: Hand
+    hand: HandCapsule
 
     def __call__(self, attributes: str) -> str:
         """Nested bodies. Each frame is turned by its start angle (`ref`), so that MuJoCo's initial

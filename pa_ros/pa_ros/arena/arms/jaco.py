@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from math import pi, radians
 
-from pa_ros.arena.arms.arm import Arm, Joint, Range
-from pa_ros.arena.arms.chain import Base, Chain, Hand, Link
+from pa_ros.arena.arms.arm import ArmModel, Joint, Range
+from pa_ros.arena.arms.chain import Base, Chain, HandCapsule, Link
 
 # rad/s and N m [dm_control]; the gain (ours) reaches a velocity within one control period, and is
 # low enough for a saturated torque to follow at a physics step of 10 ms (otherwise the joint
@@ -60,9 +60,9 @@ LINKS = (  # [urdf], [inertial]; a capsule from each joint to the next
 BASE = Base(0.15675, 0.04, 0.46784)  # [urdf] table to joint 1; [inertial]
 # One large white capsule; its frame is Kinova's end effector, 0.16 m along the hand from joint 6
 # ([urdf]). Mass [inertial]: hand with three fingers.
-HAND = Hand((0.0, 0.0, -0.16), (pi, 0.0, 0.0), 0.045, 0.03, 0.727)
+HAND = HandCapsule((0.0, 0.0, -0.16), (pi, 0.0, 0.0), 0.045, 0.03, 0.727)
 
-JACO = Arm(
+JACO = ArmModel(
     "jaco",
     JOINTS,
     # fast: faster than the real arm. paper: within its speeds, slow enough for the script to

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from math import pi
 
-from pa_ros.arena.arms.arm import Arm, Joint, Range
-from pa_ros.arena.arms.chain import Base, Chain, Hand, Link, Vector
+from pa_ros.arena.arms.arm import ArmModel, Joint, Range
+from pa_ros.arena.arms.chain import Base, Chain, HandCapsule, Link, Vector
 
 # rad/s and N m [fci]; the gain is ours, as the Jaco's. Joints 1-4, then 5-7.
 _LARGE = (2.175, 87.0, 80.0)
@@ -56,9 +56,9 @@ LINKS = (  # [fci], capsules after [urdf]
 BASE = Base(0.14, 0.07, 0.629769)
 # The capsule of the Jaco's hand; the frame is the Franka Hand's tool center, 0.1034 m from the
 # flange, which is 0.107 m from joint 7 [fci].
-HAND = Hand((0, 0, 0.107 + 0.1034), (0, 0, -pi / 4), 0.045, 0.03, 0.76)
+HAND = HandCapsule((0, 0, 0.107 + 0.1034), (0, 0, -pi / 4), 0.045, 0.03, 0.76)
 
-PANDA = Arm(
+PANDA = ArmModel(
     "panda",
     JOINTS,
     {"fast": (2.0,) * 4 + (2.5,) * 3, "paper": (0.5,) * 7},
