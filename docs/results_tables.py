@@ -95,13 +95,13 @@ CLAIMS = (  # in words, aim, table, conditions
     ("held-out pairs", 0.95, "push-2", ("eval",)),
     ("to another block, trained on places alone", 0.85, "push-2", ("pairs",)),
     ("to another block, trained too: held-out pairs", 0.93, "push-2-pairs", ("pairs-eval",)),
-    ("one property, NOT, OR in either argument; depth 3", 0.9, "push-2", ONE_PROPERTY),
+    ("one property, NOT, OR in either argument, depth 3", 0.9, "push-2", ONE_PROPERTY),
     ("3 and 4 blocks on the table", 0.85, "push-2", BLOCKS),
     ("reaching, of the script's score", 0.95, "push-2", ("reach", "reach-eval")),
     ("trained pairs, 3 × 3 kinds", 0.97, "push-3D", ("train",)),
     ("held-out pairs, 3 × 3 kinds", 0.95, "push-3D", ("eval",)),
     ("to another block, 3 × 3 kinds", 0.85, "push-3D", ("pairs",)),
-    ("one property, NOT, OR; depth 3; 3 × 3 kinds", 0.9, "push-3D", ONE_PROPERTY),
+    ("one property, NOT, OR, depth 3, 3 × 3 kinds", 0.9, "push-3D", ONE_PROPERTY),
     ("3 to 6 blocks on the table", 0.85, "push-3D", BLOCKS),
     ("new shape or color in either argument", 0.8, "push-3D", NEW),
     ("other relations between blocks", 0.85, "push-2-sides", BETWEEN),
@@ -123,10 +123,13 @@ UNDONE = {  # tags of variants of push-2
 NOTHING = "–"  # not measured
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table in Markdown."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], missing: Sequence[str] = ()) -> str:
+    """A table in Markdown, and a line with the rows that are not measured yet."""
+    found = list(rows)
+    lines = [head, ["---"] * len(head), *found] if found else []
+    text = "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+    gap = "\n" if found and missing else ""
+    return text + gap + (f"Not measured yet: {'; '.join(missing)}.\n" if missing else "")
 
 
 def span(values: Sequence[float], form: str) -> str:
@@ -172,24 +175,25 @@ def solve_frames(label: str) -> str:
               for s in seeds_of(label)]  # fmt: skip
     if len(frames) < 3 or not math.isfinite(median(frames)):
         known = sorted(f for f in frames if math.isfinite(f))
-        return ", ".join(f"{f:,.0f}" for f in known) or "–"
+        return ", ".join(f"{f:,.0f}" for f in known) or NOTHING
     return f"{median(frames):,.0f} ({span(frames, ',.0f')})"
 
 
 def seeds() -> str:
-    rows = []
-    for label, words in SEEDS.items():
-        own = seeds_of(label)
-        held_out = any(s.final_held_out != s.final_train for s in own)  # or nothing is held out
-        rows.append((
-            words,
-            solved_of(own),
-            span([s.frames for s in own], ",.0f"),
-            solve_frames(label),
-            span([s.final_held_out for s in own], ".2f") if held_out else "–",
-            span([s.final_train for s in own], ".2f"),
-        ))  # fmt: skip
+    rows = [(words, *_of_seeds(label)) for label, words in SEEDS.items()]
     return table(("", "Solved", "Frames", "Frames to solve", "Held out", "Trained"), rows)
+
+
+def _of_seeds(label: str) -> list[str]:
+    own = seeds_of(label)
+    held_out = any(s.final_held_out != s.final_train for s in own)  # or nothing is held out
+    return [
+        solved_of(own),
+        span([s.frames for s in own], ",.0f"),
+        solve_frames(label),
+        span([s.final_held_out for s in own], ".2f") if held_out else NOTHING,
+        span([s.final_train for s in own], ".2f"),
+    ]
 
 
 def headline() -> str:
@@ -355,50 +359,48 @@ def median_of(values: Sequence[float]) -> str:
 
 
 def claims() -> str:
-    rows = []
+    rows, missing = [], []
     for words, aim, label, conditions in CLAIMS:
         found = [row for row in ends_of(label) if row.condition in conditions]
         own = [row for row in found if not row.spheres]
+        if not own:
+            missing.append(f"{words} (aim {aim:.2f})")
+            continue
         measure = "normalized" if "reach" in conditions else "success"
         values = by_seed(own, measure)
-        reached = f"{sum(value >= aim for value in values)} of {len(values)}"
         worst = [
             (median(by_seed([row for row in own if row.condition == name], measure)), name)
             for name in dict.fromkeys(row.condition for row in own)
         ]
         close = by_seed([row for row in own if not math.isnan(row.close)], "close")
-        cells = [median_of(values), reached if values else NOTHING,
-                 f"{min(values):.2f}" if values else NOTHING,
-                 f"{min(worst)[1]} {min(worst)[0]:.2f}" if len(worst) > 1 else NOTHING]  # fmt: skip
-        cells += [f"{median(one):.2f}" if one else NOTHING
-                  for one in (by_seed(own, "ever"), close)]  # fmt: skip
         spheres = [by_seed([r for r in found if r.spheres], name) for name in ("success", "ever")]
-        cells.append(", ".join(f"{median(one):.2f}" for one in spheres if one) or NOTHING)
-        rows.append([words, f"≥ {aim:.2f}", *cells])
+        rows.append((
+            words,
+            f"≥ {aim:.2f}",
+            median_of(values),
+            f"{sum(value >= aim for value in values)} of {len(values)}",
+            f"{min(values):.2f}",
+            f"{min(worst)[1]} {min(worst)[0]:.2f}" if len(worst) > 1 else NOTHING,
+            f"{median(by_seed(own, 'ever')):.2f}",
+            f"{median(close):.2f}" if close else NOTHING,
+            ", ".join(f"{median(one):.2f}" for one in spheres if one) or NOTHING,
+        ))  # fmt: skip
     head = ("", "Aim", "Median of seeds", "Seeds at the aim", "Worst seed", "Worst condition",
             "Ever", "Within 0.07 m", "Spheres: end, ever")  # fmt: skip
-    return table(head, rows)
+    return table(head, rows, missing)
 
 
 def pushing_seeds() -> str:
-    rows = []
+    rows, missing = [], []
     for label, words in PUSHING.items():
         if not (RESULTS / f"{label}-seeds.csv").exists():
-            rows.append((words, *[NOTHING] * 6))
+            missing.append(words)
             continue
-        own = seeds_of(label)
-        minutes = [s.wall_s_to_solve / 60 for s in own if not math.isnan(s.wall_s_to_solve)]
-        rows.append((
-            words,
-            f"{sum(s.solved for s in own)} of {len(own)}",
-            span([s.frames for s in own], ",.0f"),
-            solve_frames(label),
-            span(minutes, ".1f") if minutes else NOTHING,
-            span([s.final_held_out for s in own], ".2f"),
-            span([s.final_train for s in own], ".2f"),
-        ))  # fmt: skip
-    head = ("", "Solved", "Frames", "Frames to solve", "Minutes to solve", "Held out", "Trained")
-    return table(head, rows)
+        minutes = [s.wall_s_to_solve / 60 for s in seeds_of(label)]
+        known = [one for one in minutes if not math.isnan(one)]
+        rows.append((words, *_of_seeds(label), span(known, ".1f") if known else NOTHING))
+    head = ("", "Solved", "Frames", "Frames to solve", "Held out", "Trained", "Minutes to solve")
+    return table(head, rows, missing)
 
 
 def pushing_conditions() -> str:
@@ -412,17 +414,18 @@ def pushing_conditions() -> str:
                 own = [r for r in found[label] if r.condition == name and r.spheres == spheres]
                 cells.append(median_of(by_seed(own, "success")))
         rows.append([*cells[:2], *cells[3:]])  # push-2 has no spheres
-    return table(("", "push-2", "push-3D", "push-3D, spheres"), rows)
+    missing = [label for label in found if not found[label]]
+    return table(("", "push-2", "push-3D", "push-3D, spheres"), rows, missing)
 
 
 def pushing_variants() -> str:
     path = RESULTS / "push-2-variants.csv"
     found = {row.label: row for row in read_rows(path, Variant)} if path.exists() else {}
-    rows = []
+    rows, missing = [], []
     for tag, words in UNDONE.items():
         label = f"push-2.{tag}".rstrip(".")
         if (row := found.get(label)) is None:
-            rows.append((words, *[NOTHING] * 5))
+            missing += [words] if tag else []
             continue
         frames = f"{row.frames_to_solve:,.0f}" if math.isfinite(row.frames_to_solve) else NOTHING
         cells = [
@@ -431,7 +434,7 @@ def pushing_variants() -> str:
         ]
         rows.append((words, f"{row.solved} of {row.seeds}", frames, *cells))
     head = ("Undone", "Solved", "Frames to solve", "Held out", "To another block", "Reach")
-    return table(head, rows)
+    return table(head, rows, missing)
 
 
 TABLES: dict[str, Callable[[], str]] = {

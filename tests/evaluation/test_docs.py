@@ -38,14 +38,6 @@ def test_training_in_python_works_as_the_pages_show(tmp_path, monkeypatch, capsy
     assert "'frames': 100" in capsys.readouterr().out
 
 
-def test_starting_scores_a_policy_on_all_conditions(capsys):
-    exec(compile(block_of("starting.md"), "starting.md", "exec"), {})
-    lines = capsys.readouterr().out.splitlines()
-    scores = {line.split()[0]: float(line.split()[1]) for line in lines}
-    assert {"train", "eval", "only-color", "reach-new-both"} <= scores.keys()
-    assert scores["train"] > 0.8
-
-
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::UserWarning")
 def test_baselines_trains_and_scores_another_librarys_agent(capsys) -> None:
     pytest.importorskip("stable_baselines3")

@@ -113,7 +113,7 @@ class RealArm:
                 missing.append(f"{name}: {error}")
                 continue
             if now_s - placed.arrived_s > oldest:
-                missing.append(f"{name}: {_late(frame, now_s - placed.arrived_s)}")
+                missing.append(_late(name, now_s - placed.arrived_s))
                 continue
             stamp_ns = stamp_ns or placed.stamp_ns
             pose = self.measured[name] = in_base(placed.pose, offset)
