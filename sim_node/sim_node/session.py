@@ -70,8 +70,8 @@ class Session:
         self.arena_id = arena_id
         self.arena = config.arena_config()
         reward = reward_from(config.reward)
-        told = self.arena, config.design_of(), config.seed
         self.perception = _calibration(config)
+        told = self.arena, config.design_of(), config.seed
         self.task = task_seen(*told, self.perception, reward)
         self.program_ids = ProgramIds(arena_id)
         self.speed_limits = np.array(self.arena.joint_speed_limits)  # [J] rad/s

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from helpers.pictures import opengl
 from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.agents import load_agent
@@ -23,7 +24,11 @@ def test_a_shipped_policy_executes_held_out_programs(name, tmp_path):
     agent = load_agent(f"shipped:{name}")
     card = read_metadata(Path(f"shipped:{name}"))["extra"]
     assert agent.design.name == card["design"] and "versions" in card
-    scorer = Scorer(Benchmark(design=agent.design, arena=agent.arena, episodes=10), tmp_path)
+    if agent.perception:
+        pytest.importorskip("cv2", reason="no OpenCV: install programmable-agents[camera]")
+        opengl()
+    faced = agent.design, agent.arena, 10
+    scorer = Scorer(Benchmark(*faced, perception=agent.perception), tmp_path)
     own, random = scorer.agent(agent, "eval"), scorer.reference("random", "eval")
     assert sum(score.success for score in own) >= 8 > 2 >= sum(score.success for score in random)
 

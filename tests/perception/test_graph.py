@@ -83,8 +83,9 @@ def test_an_agent_in_an_arena_with_another_camera_is_told_so(recorded: Path) -> 
 
 
 def test_launch_takes_the_camera_of_the_agents_checkpoint() -> None:
-    executed = seeing(load_parameters(packaged("execute_camera")), "corner")
-    assert executed["sim_node"]["perception"] == executed["agent_node"]["checkpoint"]
+    executed = seeing(load_parameters(packaged("execute_3d")), "camera")
+    assert executed["agent_node"]["checkpoint"] == "shipped:camera"
+    assert executed["sim_node"]["perception"] == "shipped:camera"
     assert seeing(load_parameters(packaged("train_2l")), "corner")["sim_node"] == {
         **load_parameters(packaged("train_2l"))["sim_node"],
         "perception": "corner",
@@ -156,7 +157,8 @@ def test_an_agent_acts_by_what_camera_node_sees_and_holds_when_pictures_stop(
         good = probe.last(topics.CAMERA_IMAGE), probe.last(topics.CAMERA_INFO)
 
         relay.on = False
-        assert probe.until(lambda: "expected pictures" in probe.message("camera_node"))
+        stopped = "the arm holds: expected camera/image_raw and camera/camera_info, got none for"
+        assert probe.until(lambda: stopped in probe.message("camera_node"))
         before, commands = len(steps), probe.count(topics.JOINT_COMMANDS)
         assert probe.until(
             lambda: (
@@ -170,18 +172,18 @@ def test_an_agent_acts_by_what_camera_node_sees_and_holds_when_pictures_stop(
         gray.encoding = "mono8"
         small.height, small.data = 120, small.data[: 120 * small.step]
         blind.k = np.zeros(9)
-        for out, bad, why in (
-            (relay.picture, gray, "image.encoding: expected rgb8 or bgr8, received mono8"),
-            (relay.picture, small, "expected RGB of 240 x 240 px, as calibrated"),
-            (relay.info, blind, "camera_info.k: expected the matrix of a calibrated camera"),
+        for out, bad, code in (
+            (relay.picture, gray, "wire.encoding"),
+            (relay.picture, small, "perception.picture"),
+            (relay.info, blind, "wire.uncalibrated"),
         ):
-            assert probe.until(partial(_is_rejected, probe, out, bad, why)), why
+            assert probe.until(partial(_is_refused, probe, out, bad, code)), code
         relay.on = True
         assert probe.until(lambda: len(steps) > before + 5)
 
 
-def _is_rejected(probe: Probe, out: Any, bad: Any, why: str) -> bool:
-    """Publish a bad message once more; whether camera_node says why it does not use it."""
+def _is_refused(probe: Probe, out: Any, bad: Any, code: str) -> bool:
+    """Publish a bad message once more; whether camera_node has refused it."""
     bad.header.stamp = probe.last(topics.OBJECT_FEATURES).header.stamp
     out.publish(bad)
-    return why in probe.message("camera_node")
+    return bool(probe.value("camera_node", f"refused.{code}"))

@@ -34,7 +34,7 @@ from pa_ros.tools.monitor import Display, GraphFigures, watch_diagnostics
 from pa_ros.tools.record_launch import start_recorded, start_recorder
 from pa_ros.tools.scenes import SceneFigures
 
-DEFAULT, SEEING = "execute_3d", "execute_camera"
+DEFAULT = "execute_3d"
 EXIT_FAILED = 1
 IN_ORDER = (0, -signal.SIGINT, -signal.SIGTERM)  # these two: before a child could handle them
 
@@ -42,15 +42,14 @@ IN_ORDER = (0, -signal.SIGINT, -signal.SIGTERM)  # these two: before a child cou
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros launch`."""
     parser.add_argument(
-        "--params", metavar="FILE",
+        "--params", default=DEFAULT, metavar="FILE",
         help="ROS parameters; each node that it names is started. Or one that is packaged: "
-        f"{', '.join(packaged_names())} (default: execute programs with the shipped 3-D agent, or "
-        "with --perception with the one that sees)",
+        f"{', '.join(packaged_names())} (default: execute programs with the shipped 3-D agent)",
     )  # fmt: skip
     parser.add_argument(
         "--perception", choices=VIEWS,
-        help="arenas see blocks through a camera above or in a corner: that of the agent's "
-        "checkpoint, or a new one for an agent that learns (default: as in the file)",
+        help="blocks are seen, by a camera above or in a corner for agents that learn, and by the "
+        "camera of an agent's checkpoint, for shipped:3-D that of shipped:camera",
     )  # fmt: skip
     parser.add_argument("--namespace", default="", help="for all nodes (default: none)")
     parser.add_argument(
@@ -86,7 +85,7 @@ def run(options: argparse.Namespace) -> int:
     """Launch, and show figures until a signal comes or a node ends by itself."""
     if options.record is not None:
         refuse_existing(options.record)
-    wanted = load_parameters(chosen(options.params or (SEEING if options.perception else DEFAULT)))
+    wanted = load_parameters(chosen(options.params))
     if options.perception is not None:
         wanted = seeing(wanted, options.perception)
     if options.arenas is not None:

@@ -53,6 +53,7 @@ def model_card(path: str | Path, report: Report | None = None) -> str:
         words=", ".join(words.words),
         relations=", ".join(words.relations),
         does="pushes blocks; it cannot grasp" if words.moves_objects else "cannot push or grasp",
+        sees=" It sees blocks through a camera." if agent.perception else "",
         table=table,
         episodes=episodes,
         versions=source["versions"],
@@ -116,7 +117,7 @@ model-index:
 # {name}
 
 A programmable agent (Denil et al. 2017) for the simulated arm `{arm}` with the preset `{preset}`.
-It executes programs over the words {words} and the relations {relations}. It {does}.
+It executes programs over the words {words} and the relations {relations}. It {does}.{sees}
 It was trained for {frames:,} frames by {algorithm}, seed {seed}, under {count} programs, which
 `metadata.json` lists; its weights are {weights}. It was not tried on a real arm.
 

@@ -135,8 +135,8 @@ EXPERIMENTS = {
     for experiment in (
         Experiment("programmable-2L", "2-L", 30_000),
         Experiment("programmable-3D", "3-D", 60_000),
-        Experiment("camera-2L", "2-L", 30_000, perception="camera"),
-        Experiment("camera-3D", "3-D", 40_000, perception="camera"),
+        Experiment("camera-2L", "2-L", 25_000, perception="camera", evaluate_every_frames=5_000),
+        Experiment("camera-3D", "3-D", 25_000, perception="camera", evaluate_every_frames=5_000),
         Experiment("programmable-3D-exact", "3-D-exact", 30_000),
         Experiment("distilled-2L", "2-L", 30_000, network="distilled-critic"),
         Experiment("distilled-3D", "3-D", 30_000, network="distilled-critic"),

@@ -35,7 +35,6 @@ class Blob:
 
 def blobs(view: View, picture: Picture, arm: Mask) -> list[Blob]:
     """The blobs in a picture, without what shows the arm."""
-    view.check(picture)
     covered = cv2.dilate(arm.astype(np.uint8), ONES)
     unlike = np.abs(picture - view.empty).max(-1) > UNLIKE_TABLE
     shown = (unlike & view.table & (covered == 0)).astype(np.uint8)

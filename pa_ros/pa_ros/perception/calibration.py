@@ -62,14 +62,10 @@ class Channel:
         arrays = looks.mean(0), rate, axes, known, np.sqrt(usual * far)
         return cls(*(np.array(array, np.float32) for array in arrays))
 
-    def novelty(self, look: Float64) -> float:
-        """How far a look is from the nearest that is known; novel if more than 1."""
-        return self._novelty(self._features(look))
-
     def __call__(self, look: Float64) -> Float32:
         """The features of a look [D], [W]; zero if it is novel, as if nothing had been seen."""
-        features = self._features(look)
-        if self._novelty(features) > 1:
+        features = _scores(look, self.mean, self.rate) @ np.float64(self.axes).T
+        if np.linalg.norm(self.known - features, axis=-1).min() > self.novel:
             return np.zeros(len(features), np.float32)
         return features.astype(np.float32)
 
@@ -77,12 +73,6 @@ class Channel:
     def width(self) -> int:
         """Number of features, W."""
         return len(self.axes)
-
-    def _features(self, look: Float64) -> Float64:
-        return _scores(look, self.mean, self.rate) @ np.float64(self.axes).T
-
-    def _novelty(self, features: Float64) -> float:
-        return float(np.linalg.norm(self.known - features, axis=-1).min() / self.novel)
 
 
 def _scores(looks: Float64, mean: Any, rate: Any) -> Float64:
@@ -172,10 +162,7 @@ class Calibration:
 
 def _channel(parts: dict[str, Float32]) -> Channel:
     channel = Channel(**parts)
-    (numbers,), (wide, deep) = channel.mean.shape, channel.axes.shape
-    fits = channel.rate.shape == (numbers,) and deep == numbers and channel.known.ndim == 2
-    if not (fits and channel.known.shape[1] == wide and channel.novel.shape == ()):
-        raise ValueError("expected arrays that fit each other")
+    channel(np.zeros(len(channel.mean)))  # a ValueError unless the arrays fit each other
     if not all(np.isfinite(x).all() for x in parts.values()) or not channel.novel > 0:
         raise ValueError("expected finite numbers and a positive threshold")
     return channel

@@ -40,7 +40,6 @@ class Tracker:
     def __init__(self, most: int = MOST) -> None:
         self._most = most
         self.tracks: list[Track] = []
-        self.ignored = 0  # blobs for which there was no row
 
     def update(self, blobs: Sequence[Blob]) -> None:
         """Take in the blobs of a new picture."""
@@ -53,11 +52,9 @@ class Tracker:
                 track = min(near, key=lambda track: _apart(track, blob))
                 free.remove(track)
                 _follow(track, blob)
-            elif all(_apart(track, blob) >= NEAR_M for track in self.tracks):
-                if len(self.tracks) < self._most:
+            elif len(self.tracks) < self._most:
+                if all(_apart(track, blob) >= NEAR_M for track in self.tracks):
                     self.tracks.append(Track(blob.xy, blob))
-                else:
-                    self.ignored += 1
 
 
 def _apart(track: Track, blob: Blob) -> float:

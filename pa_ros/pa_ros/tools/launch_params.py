@@ -18,6 +18,7 @@ from pa_ros.learning.folder import refuse_used
 CONFIG = Path(__file__).parents[1] / "config"
 NODES = ("sim_node", "learner_node", "agent_node")  # in the order of starting
 MAX_ARENAS = 64
+SIGHTED = {"shipped:3-D": "shipped:camera"}  # agents, and those of the same design that see
 _EVERY = "**"
 LARGEST_BYTES = 1 << 20
 _KEY = "ros__parameters"
@@ -135,8 +136,11 @@ def seeing(parameters: Parameters, view: str) -> Parameters:
     changes = {}
     for place in parameters:
         if _last(place) == "sim_node":
-            agent = parameters.get(place.replace("sim_node", "agent_node"), {})
-            changes[place] = {"perception": agent.get("checkpoint") or view}
+            agent = place.replace("sim_node", "agent_node")
+            checkpoint = parameters.get(agent, {}).get("checkpoint", "")
+            changes[place] = {"perception": SIGHTED.get(checkpoint, checkpoint) or view}
+            if checkpoint in SIGHTED:
+                changes[agent] = {"checkpoint": SIGHTED[checkpoint]}
     return merged(parameters, changes)
 
 

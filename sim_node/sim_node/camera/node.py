@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,7 +22,7 @@ from pa_ros.core.extensions import NodeSettings
 from pa_ros.learning.checkpoints import camera_of
 from pa_ros.perception import sight_of
 from pa_ros.ros import topics
-from pa_ros.ros.health import ERROR, OK, WARN
+from pa_ros.ros.health import OK, WARN
 from pa_ros.ros.lifecycle import ManagedNode
 from pa_ros.ros.peers import PeerMonitor
 from pa_ros.wire import Message
@@ -63,17 +62,15 @@ class CameraNode(ManagedNode):
         self._arenas = PeerMonitor[ArenaDescription]("arena", self._see_for)
         self._sight: Sight | None = None
         self._steps: deque[Step] = deque(maxlen=KEPT)  # of this episode
-        self._looked_at = -np.inf  # when the newest picture was taken in
-        self._published_ns = -1
-        self._fault: PaError | None = None  # why pictures are not used
+        self._looked_at = -np.inf  # when the newest usable picture arrived, s
         self._calibrated = False  # whether camera_info is that of the calibration
         self._out = self.advertise(topics.OBJECT_FEATURES.within(SEEN))
         self._info = self.advertise(topics.ARENA_INFO.within(SEEN))
         self._tracks = topics.CAMERA_TRACKS.publisher(self)
         self.subscribe(topics.ARENA_INFO, self._on_arena)
         self.subscribe(topics.OBJECT_FEATURES, self._on_step)
-        self.subscribe(topics.CAMERA_INFO, self._noting(self._on_info))
-        self.subscribe(topics.CAMERA_IMAGE, self._noting(self._on_picture))
+        self.subscribe(topics.CAMERA_INFO, self._on_info)
+        self.subscribe(topics.CAMERA_IMAGE, self._on_picture)
 
     def cleanup(self) -> None:
         if self._sight is not None:
@@ -120,22 +117,8 @@ class CameraNode(ManagedNode):
         self._out.publish(
             encode_step(replace(step, observation=replace(step.observation, objects=objects)))
         )
-        self._published_ns = step.observation.stamp_ns
 
     # Pictures
-
-    def _noting(self, callback: Callable[[Message], None]) -> Callable[[Message], None]:
-        """The callback, with its last error kept for the diagnostics."""
-
-        def noted(message: Message) -> None:
-            try:
-                callback(message)
-                self._fault = None
-            except PaError as error:
-                self._fault = error
-                raise
-
-        return noted
 
     def _on_info(self, message: Message) -> None:
         self._calibrated = False
@@ -159,29 +142,25 @@ class CameraNode(ManagedNode):
         of = min(self._steps, key=lambda step: abs(step.observation.stamp_ns - stamp_ns))
         if abs(of.observation.stamp_ns - stamp_ns) > arena.control_period * 5e8:
             return  # of another episode
+        held = sight.arm is None or self._age > self.config.timeout_s
         sight.look(picture, of.observation.joint_position)
         self._looked_at = time.monotonic()
         if self._tracks.get_subscription_count():
             self._tracks.publish(encode_image(sight.drawn(picture), OPTICAL_FRAME, stamp_ns))
-        newest = self._steps[-1]
-        if newest.observation.stamp_ns > self._published_ns:
-            self._publish(newest)
+        if held:
+            self._publish(self._steps[-1])
 
     @property
     def _age(self) -> float:
-        """Wall time since the newest picture, s."""
+        """Wall time since the newest usable picture, s."""
         return time.monotonic() - self._looked_at
 
     # Health
 
     def collect(self) -> tuple[int, str, dict[str, str]]:
-        if self._fault is not None:
-            return ERROR, f"the arm holds: {self._fault}", {}
         if self._sight is None or not self._steps:
             return WARN, "waits for an arena (arena_info, object_features)", {}
         if self._age > self.config.timeout_s:
-            since = f"none for {self._age:.1f} s" if np.isfinite(self._age) else "none yet"
             names = f"{topics.CAMERA_IMAGE.name} and {topics.CAMERA_INFO.name}"
-            return WARN, f"the arm holds: expected pictures ({names}), got {since}", {}
-        tracks = self._sight.tracker.tracks
-        return OK, f"sees {len(tracks)} objects", {"objects": str(len(tracks))}
+            return WARN, f"the arm holds: expected {names}, got none for {self._age:.1f} s", {}
+        return OK, f"sees {len(self._sight.tracker.tracks)} objects", {}
