@@ -132,9 +132,8 @@ def _ends(evaluation: Evaluation, vocabulary: Vocabulary) -> Report:
             for name, column in zip(names, zip(*rows, strict=True), strict=True)
         }
     report: dict[str, float | int | str] = {}
-    found = ends(evaluation.scores, vocabulary) if vocabulary.moves_objects else {}
-    for named, own in sorted(found.items()):
-        name = "eval.spheres." if named else "eval."
+    for own in ends(evaluation.scores, vocabulary) if vocabulary.moves_objects else ():
+        name = "eval.spheres." if own.spheres else "eval."
         report |= {f"{name}success": own.success, f"{name}ever": own.ever}
         if not isnan(own.close):
             report[f"{name}within_{CLOSE_M}"] = own.close

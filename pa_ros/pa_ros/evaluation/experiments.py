@@ -22,7 +22,6 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device, versions
 from pa_ros.evaluation.agents import load_agent
 from pa_ros.evaluation.scorer import Benchmark, Scorer
-from pa_ros.evaluation.scores import normalized, rewards
 from pa_ros.evaluation.tables import (
     CURVE,
     write_cells,
@@ -347,11 +346,7 @@ def final_scores(folder: Path, cache: Path, episodes: int = FINAL_EPISODES) -> t
         own = scorer.agent(agent, condition)
         if pushes:
             return float(np.mean([one.success for one in own]))
-        low, high = (
-            float(rewards(scorer.reference(name, condition)).mean())
-            for name in ("random", "scripted")
-        )
-        return normalized(float(rewards(own).mean()), low, high)
+        return scorer.normalized(condition, own)
 
     trained_on = score("train")
     return (score("eval") if agent.design.held_out else trained_on), trained_on

@@ -12,21 +12,12 @@ import numpy as np
 from pa_ros.arena import conditions_for
 from pa_ros.evaluation.agents import TrainedAgent
 from pa_ros.evaluation.scorer import Benchmark, Scorer
-from pa_ros.evaluation.scores import EpisodeScore, normalized, rewards
+from pa_ros.evaluation.scores import EpisodeScore
 from pa_ros.language import Expression, Not, Vocabulary, Word, parse
 from pa_ros.language.syntax import walk
 
 CLOSE_M = 0.07  # objects closer than this are counted, too
 FEW = ("train", "eval", "pairs", "reach")  # conditions of variants
-
-
-@dataclass(frozen=True, slots=True)
-class Ends:
-    """How some episodes ended, as shares."""
-
-    success: float  # satisfied at the end
-    ever: float  # satisfied at some step
-    close: float  # objects at most CLOSE_M apart at the end; NaN where the hand is moved
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,15 +28,30 @@ class EndsRow:
     condition: str
     spheres: bool  # they roll on
     episodes: int
-    success: float  # as in Ends
-    ever: float
-    close: float
+    success: float  # share that is satisfied at the end
+    ever: float  # at some step
+    close: float  # objects at most CLOSE_M apart at the end; NaN where the hand is moved
     normalized: float  # reward, 0 random, 1 the script, where the hand is moved; else NaN
 
 
-def ends(scores: Sequence[EpisodeScore], vocabulary: Vocabulary) -> dict[bool, Ends]:
-    """How episodes ended, by whether their programs name a sphere; only kinds that there are."""
-    return {named: _ends(own, vocabulary) for named, own in _kinds(scores, vocabulary).items()}
+def ends(
+    scores: Sequence[EpisodeScore],
+    vocabulary: Vocabulary,
+    seed: int = 0,
+    condition: str = "",
+    score: float = nan,
+) -> list[EndsRow]:
+    """How episodes ended: without spheres, with spheres; only what there is."""
+    rows = []
+    for spheres in (False, True):
+        own = [one for one in scores if _names_a_sphere(one, vocabulary) == spheres]
+        if own:
+            pushes = any(not parse(one.program, vocabulary).moves_hand for one in own)
+            columns = [(one.success, one.ever, one.distance <= CLOSE_M) for one in own]
+            success, ever, close = np.mean(columns, axis=0).tolist()
+            close = close if pushes else nan
+            rows.append(EndsRow(seed, condition, spheres, len(own), success, ever, close, score))
+    return rows
 
 
 def ends_of(
@@ -61,42 +67,20 @@ def ends_of(
     """
     first = next(iter(agents.values()))
     scorer = Scorer(Benchmark(design=first.design, arena=first.arena, episodes=episodes), cache)
-    vocabulary, rows = first.design.vocabulary, list[EndsRow]()
+    rows: list[EndsRow] = []
     for condition in conditions or conditions_for(first.design):
         for seed, agent in agents.items():
             scores = scorer.agent(agent, condition)
-            score = _normalized(scorer, condition, scores) if "reach" in condition else nan
-            for named, own in _kinds(scores, vocabulary).items():
-                found = _ends(own, vocabulary)
-                rows.append(EndsRow(seed, condition, named, len(own), found.success, found.ever,
-                                    found.close, score))  # fmt: skip
+            score = scorer.normalized(condition, scores) if "reach" in condition else nan
+            rows += ends(scores, first.design.vocabulary, seed, condition, score)
         mine = [row.success for row in rows if row.condition == condition and not row.spheres]
         report(f"{condition:18s} {np.median(mine) if mine else nan:.2f} succeed (median)")
     return rows
 
 
-def _normalized(scorer: Scorer, condition: str, scores: Sequence[EpisodeScore]) -> float:
-    low, high = (
-        rewards(scorer.reference(name, condition)).mean() for name in ("random", "scripted")
-    )
-    return normalized(float(rewards(scores).mean()), float(low), float(high))
-
-
-def _kinds(
-    scores: Sequence[EpisodeScore], vocabulary: Vocabulary
-) -> dict[bool, list[EpisodeScore]]:
-    """Scores by whether the program names a sphere: not those that it excludes."""
-    kinds: dict[bool, list[EpisodeScore]] = {}
-    for score in scores:
-        program = parse(score.program, vocabulary)
-        parts: list[Expression] = [*walk(program.moved), *walk(program.target)]
-        excluded = {part for one in parts if isinstance(one, Not) for part in walk(one)}
-        kinds.setdefault(Word("SPHERE") in {*parts} - excluded, []).append(score)
-    return kinds
-
-
-def _ends(scores: Sequence[EpisodeScore], vocabulary: Vocabulary) -> Ends:
-    pushes = any(not parse(score.program, vocabulary).moves_hand for score in scores)
-    close = float(np.mean([score.distance <= CLOSE_M for score in scores])) if pushes else nan
-    success = float(np.mean([score.success for score in scores]))
-    return Ends(success, float(np.mean([score.ever for score in scores])), close)
+def _names_a_sphere(score: EpisodeScore, vocabulary: Vocabulary) -> bool:
+    """Whether the program names a sphere: not one that it excludes."""
+    program = parse(score.program, vocabulary)
+    parts: list[Expression] = [*walk(program.moved), *walk(program.target)]
+    excluded = {part for one in parts if isinstance(one, Not) for part in walk(one)}
+    return Word("SPHERE") in {*parts} - excluded

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from pa_ros.evaluation.evaluate import (
     reference_policy,
     run_episodes,
 )
-from pa_ros.evaluation.scores import EpisodeScore
+from pa_ros.evaluation.scores import EpisodeScore, normalized, rewards
 from pa_ros.evaluation.tables import read_rows, write_rows
 from pa_ros.perception import task_seen
 
@@ -81,6 +81,14 @@ class Scorer:
             return lambda observation: act(observation, task.program)
 
         return self._scores(agent.key, condition, policy, task)
+
+    def normalized(self, condition: str, scores: Sequence[EpisodeScore]) -> float:
+        """Their mean reward, 0 for random actions and 1 for the script on the same episodes."""
+        low, high = (
+            float(rewards(self.reference(name, condition)).mean())
+            for name in ("random", "scripted")
+        )
+        return normalized(float(rewards(scores).mean()), low, high)
 
     def _scores(
         self, name: str, condition: str, policy: MakePolicy, task: ReachTask
