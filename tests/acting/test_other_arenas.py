@@ -36,7 +36,7 @@ def agent_of(family: str) -> Agent:
 
 
 @pytest.mark.parametrize("place", PLACES)
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", tuple(FAMILIES))
 def test_weights_act_in_other_arenas_or_reject_them_with_a_reason(family, place) -> None:
     agent, task = agent_of(family), task_of(place)
     observation, _ = task.reset(0)

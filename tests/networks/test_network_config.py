@@ -24,7 +24,7 @@ WORDS = Vocabulary.of(shape=("CUBE", "SPHERE", "C"), color=("BLUE", "A"))
 WORLD = World(PAPER, WORDS, joints=6)
 
 
-@pytest.mark.parametrize("kind", FAMILIES)
+@pytest.mark.parametrize("kind", tuple(FAMILIES))
 def test_json_round_trip(kind) -> None:
     config = NetworkConfig(world=WORLD, family=kind, hidden=7, critic_output_bias=-100.0)
     assert NetworkConfig.from_json(config.to_json()) == config

@@ -9,7 +9,6 @@ from pa_ros.arena import PRESETS, design_named, world_of
 from pa_ros.language import parse
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import family_of
-from pa_ros.networks.modules import goals_of
 from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor, initial_critic
 from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
 from pa_ros.world.programs import ProgramTable
@@ -37,7 +36,7 @@ def programs(config: NetworkConfig, rows: list[list[int]]) -> Programs:
     codes = [
         torch.from_numpy(code).long()[torch.tensor(rows)] for code in family_of(config).codes(table)
     ]
-    goals: Programs = goals_of(config, *codes)
+    goals: Programs = family_of(config).goals(config, *codes)
     return goals
 
 
@@ -78,7 +77,7 @@ def test_a_relation_is_another_bias_of_r() -> None:
     table.add(parse(TEXTS[0], one.vocabulary))
     codes = [torch.from_numpy(code).long()[torch.zeros(5, 1, dtype=torch.int64)]
              for code in family_of(one).codes(table)]  # fmt: skip
-    torch.testing.assert_close(asked, plain(objects, arm, goals_of(one, *codes)))
+    torch.testing.assert_close(asked, plain(objects, arm, family_of(one).goals(one, *codes)))
 
 
 def test_only_relations_that_are_asked_for_learn() -> None:

@@ -8,7 +8,6 @@ from helpers import formulas
 from pa_ros.language import Vocabulary, parse
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import family_of
-from pa_ros.networks.modules import goals_of
 from pa_ros.networks.parameters import actor_shapes, initial_actor
 from pa_ros.networks.programmable import ProgrammableActor
 from pa_ros.world.programs import ProgramTable
@@ -54,7 +53,7 @@ def test_a_batch_of_programs_is_what_the_formulas_say(family: str) -> None:
     arm = torch.randn(3, config.world.arm_features).double()
     table, rows = table_of(config, *TEXTS), torch.tensor([[0, 1], [2, 3], [1, 1]])
     codes = [torch.from_numpy(code).long()[rows] for code in family_of(config).codes(table)]
-    got = actor(objects, arm, goals_of(config, *codes), 0)
+    got = actor(objects, arm, family_of(config).goals(config, *codes), 0)
     seen = formulas.Scenes(objects, arm, table.programs, rows)
     torch.testing.assert_close(got, formulas.actor(config, formulas.parameters(tensors), seen))
 

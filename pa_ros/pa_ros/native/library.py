@@ -6,7 +6,7 @@ from types import ModuleType
 
 from pa_ros.native.errors import FusedError
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.families import Canonical, family_of, slot_values
+from pa_ros.networks.families import Canonical, Programmable, family_of, slot_values
 
 
 def library() -> ModuleType:
@@ -37,7 +37,10 @@ def why_not_network(network: NetworkConfig) -> str:
     except FusedError as error:
         return str(error)
     level()
-    if not isinstance(family_of(network), Canonical):
+    kind = type(family_of(network))
+    if kind not in (Programmable, Canonical):
+        return f"it has no networks of the family {network.family}"
+    if kind is Programmable:
         return ""
     if network.vocabulary.relation_inputs:
         return "it does not distinguish relations in canonical networks"

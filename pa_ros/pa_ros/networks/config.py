@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Final, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import OneOf, Settings, canonical_json, read_json
 from pa_ros.language.vocabulary import Vocabulary
+from pa_ros.networks.families import FAMILIES, Programmable
 from pa_ros.world.world import World
-
-ACTORS: Final[dict[str, str]] = {  # families whose actors are the same share weights
-    "programmable": "programmable",
-    "distilled-critic": "programmable",
-    "true-properties": "true-properties",
-    "canonical": "canonical",
-}
 
 
 class NetworkSettings(Settings):
@@ -29,6 +23,7 @@ class NetworkSettings(Settings):
       "Zero-shot tasks").
     - "true-properties": both are given the true Φ; an upper reference, not in the paper.
     - "canonical": MLPs on the flattened Ω; see `pa_ros.networks.canonical`.
+    - or one that an extension registers.
 
     With `relations_see_properties` false, f, r and the neighbourhood attention have zero weights
     for an object's properties, and keep them: what an object is reaches the action only
@@ -50,7 +45,7 @@ class NetworkSettings(Settings):
 
     SECTION: ClassVar[str] = "network"
 
-    family: Annotated[str, OneOf(lambda: ACTORS)] = Field(
+    family: Annotated[str, OneOf(lambda: FAMILIES)] = Field(
         "programmable", description="kind of actor and critic"
     )
     hidden: int = Field(150, ge=1, le=4096, description="units of each layer (paper)")
@@ -91,10 +86,10 @@ class NetworkConfig(NetworkSettings):
 
     @model_validator(mode="after")
     def _learns_what_is_seen(self) -> Self:
-        if self.family != "programmable" and not self.world.schema.tells_words:
+        if FAMILIES[self.family].is_told_words and not self.world.schema.tells_words:
             raise ValueError(
-                "family: expected 'programmable' where properties are seen and not told, got "
-                f"{self.family!r}"
+                "family: expected one that learns what words mean, such as 'programmable', where "
+                f"properties are seen and not told, got {self.family!r}"
             )
         return self
 
@@ -103,13 +98,18 @@ class NetworkConfig(NetworkSettings):
         """The world's words."""
         return self.world.vocabulary
 
+    @property
+    def actor(self) -> str:
+        """Name of the family of the actor: families whose actors are the same share weights."""
+        return FAMILIES[self.family].actor or self.family
+
     @cached_property
     def architecture(self) -> str:
         """Canonical JSON of what an actor's tensors mean: equal text, exchangeable weights."""
         return canonical_json(
             {
                 **self._sizes(),
-                "actor": ACTORS[self.family],
+                "actor": self.actor,
                 "position_scale": float(self.position_scale),
                 "world": self.world.to_data(),
             }
@@ -117,13 +117,13 @@ class NetworkConfig(NetworkSettings):
 
     def _sizes(self) -> dict[str, Any]:
         """The actor's sizes."""
-        if self.family == "canonical":
-            return {"hidden": self.canonical_hidden}
-        sizes: dict[str, Any] = {"hidden": self.hidden, "attention": self.attention}
-        if self.self_weight != 1.0:  # absent where it is the paper's
-            sizes["self_weight"] = float(self.self_weight)
-        if self.upper_layers:  # likewise
-            sizes["upper_layers"] = self.upper_layers
+        family = FAMILIES[self.family]
+        sizes = {name: getattr(self, setting) for name, setting in family.sizes.items()}
+        if isinstance(family, Programmable):
+            if self.self_weight != 1.0:  # absent where it is the paper's
+                sizes["self_weight"] = float(self.self_weight)
+            if self.upper_layers:  # likewise
+                sizes["upper_layers"] = self.upper_layers
         return sizes
 
     def to_json(self) -> str:
@@ -149,9 +149,8 @@ def actor_config(architecture: str) -> NetworkConfig:
     """
     try:
         values = dict(read_json(architecture))
-        sizes = {k: v for k, v in values.items() if k not in ("actor", "world")}
-        if values["actor"] == "canonical":
-            sizes["canonical_hidden"] = sizes.pop("hidden")
+        settings = FAMILIES[values["actor"]].sizes
+        sizes = {settings.get(k, k): v for k, v in values.items() if k not in ("actor", "world")}
         config = NetworkConfig(
             world=World.from_data(values["world"]), family=values["actor"], **sizes
         )

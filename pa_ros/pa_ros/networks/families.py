@@ -1,71 +1,138 @@
-"""Families of networks: the shapes of their tensors and the form in which they take programs.
+"""Families of networks by name: their tensors, initial weights, and how they take programs.
 
-How a family is computed is in `pa_ros.networks.modules` (torch) and `pa_ros.native.families` (C++).
+torch is imported when it is needed. `pa_ros.native.families` has those that C++ computes.
 """
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
-from typing import ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32
+from pa_ros.core.extensions import Registry
 from pa_ros.language import And, Program, Vocabulary, Word
 from pa_ros.language.flat import compile_program
-from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError
 from pa_ros.world.programs import Int32, ProgramTable
 from pa_ros.world.world import World
 
+if TYPE_CHECKING:
+    from pa_ros.networks.config import NetworkConfig
+
 LILLICRAP_OUTPUT_SCALE = 3e-3  # Lillicrap et al. 2015, section 7
+RELATIONS = ("query", "context", "local.0", "message.0")  # layers that f, r and α read ω with
 
 Shapes = dict[str, tuple[int, ...]]
 """Shapes of tensors by state-dict name."""
+Tensors = dict[str, Float32]
+"""Weights by state-dict name."""
 Codes = tuple[Float32 | Int32, ...]
 """Programs as the networks take them, arrays [P, …] for the P programs of a table."""
 
 
-@dataclass(frozen=True)
 class Family(ABC):
-    """Actors and critics of one kind."""
+    """Actors and critics of one kind. `critic` says which of the two is meant."""
 
-    name: str
     evaluates_programs: ClassVar[bool]
     """Whether programs are evaluated over Φ, so that degrees exist."""
+    sizes: ClassVar[Mapping[str, str]] = {"hidden": "hidden"}
+    """Settings that an actor's tensors depend on, by their names in its `architecture`."""
+    actor: str = ""
+    """Name of the family with the same actors; empty: no other has them."""
 
     @abstractmethod
-    def shapes(self, config: NetworkConfig, critic: bool) -> Shapes:
-        """Shape of each of the actor's or critic's tensors by state-dict name, in order."""
+    def modules(self) -> tuple[type[Any], type[Any]]:
+        """Classes of actor and critic, torch modules that are made from a NetworkConfig.
 
-    @abstractmethod
-    def output_scale(self, config: NetworkConfig, critic: bool) -> float | None:
-        """Bound of the last layer's initial weights; None: as any layer's."""
+        The actor is called with objects [B, N, F], arm [B, A], `goals` and the hand's index, and
+        returns actions [B, K, J]. The critic has `trunk`, which takes the same and returns
+        [B, K, H], and `head`, which takes that and an action and returns Q [B, K].
+        """
 
     @abstractmethod
     def codes(self, table: ProgramTable) -> Codes:
         """A table's programs. NetworkError if the networks cannot represent one of them."""
 
     @abstractmethod
+    def goals(self, network: NetworkConfig, *codes: Any) -> Any:
+        """What the modules take as programs, for `codes` gathered as tensors [B, K, …]."""
+
+    @abstractmethod
     def check(self, program: Program, vocabulary: Vocabulary) -> None:
         """Raise NetworkError if the networks cannot represent this program, ProgramError for an
         unknown word."""
+
+    def shapes(self, config: NetworkConfig, critic: bool) -> Shapes:
+        """Shape of each tensor by state-dict name; by default those of the modules."""
+        made = self.modules()[critic](config)
+        return {name: tuple(tensor.shape) for name, tensor in made.state_dict().items()}
+
+    def initial(self, config: NetworkConfig, critic: bool, rng: np.random.Generator) -> Tensors:
+        """Random initial weights; the same state of `rng` gives the same. By default, those that
+        the modules have when they are made."""
+        import torch
+
+        with torch.random.fork_rng(devices=()):
+            torch.manual_seed(int(rng.integers(2**63)))
+            made = self.modules()[critic](config)
+        return {name: tensor.numpy() for name, tensor in made.state_dict().items()}
 
     def detects(self, critic: bool) -> bool:
         """Whether the actor or the critic learns its Φ by detectors."""
         return False
 
+    @property
+    def is_told_words(self) -> bool:
+        """Whether actor or critic are told which words are true of an object."""
+        return False
+
+
+class DetectorFamily(Family):
+    """Programs are evaluated over Φ, which detectors learn: modules extend
+    `pa_ros.networks.programmable.Detectors`, and take `programmable.Programs`."""
+
+    evaluates_programs: ClassVar[bool] = True
+
+    def codes(self, table: ProgramTable) -> Codes:
+        codes: Codes = table.arrays()
+        if table.vocabulary.relation_inputs:
+            codes = (*codes, table.relations())
+        return (*codes, table.roles()) if table.vocabulary.moves_objects else codes
+
+    def goals(self, network: NetworkConfig, *codes: Any) -> Any:
+        from pa_ros.networks.programmable import Programs
+
+        op, a, b, *more = codes
+        roles = more.pop() if network.vocabulary.moves_objects else None
+        return Programs(op, a, b, more[0] if more else None, roles)
+
+    def check(self, program: Program, vocabulary: Vocabulary) -> None:
+        compile_program(program, vocabulary)
+
+    def detects(self, critic: bool) -> bool:
+        return True
+
 
 @dataclass(frozen=True)
-class Programmable(Family):
-    """Programs run over Φ (`pa_ros.networks.programmable`): learned by detectors, or true."""
+class Programmable(DetectorFamily):
+    """The paper's networks (`pa_ros.networks.programmable`). Φ is learned by detectors, or true."""
 
-    actor_detects: bool
-    critic_detects: bool
-    evaluates_programs: ClassVar[bool] = True
+    actor_detects: bool = True
+    critic_detects: bool = True
+    actor: str = "programmable"
+    sizes: ClassVar[Mapping[str, str]] = {"hidden": "hidden", "attention": "attention"}
+
+    def modules(self) -> tuple[type[Any], type[Any]]:
+        from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic
+
+        return ProgrammableActor, ProgrammableCritic
 
     def shapes(self, config: NetworkConfig, critic: bool) -> Shapes:
         hidden, attention = config.hidden, config.attention
@@ -87,28 +154,40 @@ class Programmable(Family):
             return shapes | linear("output", actions, hidden)
         return shapes | linear("action", hidden, actions) | linear("output", 1, hidden)
 
-    def output_scale(self, config: NetworkConfig, critic: bool) -> float | None:
-        return None if critic else config.actor_output_scale
-
-    def codes(self, table: ProgramTable) -> Codes:
-        codes: Codes = table.arrays()
-        if table.vocabulary.relation_inputs:
-            codes = (*codes, table.relations())
-        return (*codes, table.roles()) if table.vocabulary.moves_objects else codes
-
-    def check(self, program: Program, vocabulary: Vocabulary) -> None:
-        compile_program(program, vocabulary)
+    def initial(self, config: NetworkConfig, critic: bool, rng: np.random.Generator) -> Tensors:
+        output_scale = None if critic else config.actor_output_scale
+        shapes, world = self.shapes(config, critic), config.world
+        tensors = uniform(shapes, rng, output_scale, config.detector_init_scale)
+        if self.detects(critic) and not config.detectors_have_biases:
+            tensors["detectors.bias"][:] = 0.0
+        if not config.relations_see_properties:
+            for layer in RELATIONS:
+                weight = tensors[f"{layer}.weight"]
+                columns = weight.reshape(len(weight), -1, world.columns)
+                columns[..., world.schema.properties] = 0.0
+        if critic:
+            tensors["output.bias"][:] = config.critic_output_bias
+        return tensors
 
     def detects(self, critic: bool) -> bool:
         return self.critic_detects if critic else self.actor_detects
 
+    @property
+    def is_told_words(self) -> bool:
+        return not (self.actor_detects and self.critic_detects)
 
-@dataclass(frozen=True)
+
 class Canonical(Family):
     """MLPs on the flattened Ω (`pa_ros.networks.canonical`);
     they take the target as one-hots [P, V]."""
 
     evaluates_programs: ClassVar[bool] = False
+    sizes: ClassVar[Mapping[str, str]] = {"hidden": "canonical_hidden"}
+
+    def modules(self) -> tuple[type[Any], type[Any]]:
+        from pa_ros.networks.canonical import CanonicalActor, CanonicalCritic
+
+        return CanonicalActor, CanonicalCritic
 
     def shapes(self, config: NetworkConfig, critic: bool) -> Shapes:
         hidden = config.canonical_hidden
@@ -118,26 +197,32 @@ class Canonical(Family):
         shapes |= linear("layers.1", hidden, hidden + enters)
         return shapes | linear("output", 1 if critic else actions, hidden)
 
-    def output_scale(self, config: NetworkConfig, critic: bool) -> float | None:
-        return LILLICRAP_OUTPUT_SCALE
+    def initial(self, config: NetworkConfig, critic: bool, rng: np.random.Generator) -> Tensors:
+        tensors = uniform(self.shapes(config, critic), rng, LILLICRAP_OUTPUT_SCALE)
+        if critic:
+            tensors["output.bias"][:] = config.critic_output_bias
+        return tensors
 
     def codes(self, table: ProgramTable) -> Codes:
         programs = table.programs
         return (np.stack([target_one_hots(program, table.vocabulary) for program in programs]),)
 
+    def goals(self, network: NetworkConfig, *codes: Any) -> Any:
+        return codes[0]
+
     def check(self, program: Program, vocabulary: Vocabulary) -> None:
         target_one_hots(program, vocabulary)
 
+    @property
+    def is_told_words(self) -> bool:
+        return True
 
-FAMILIES: dict[str, Family] = {
-    family.name: family
-    for family in (
-        Programmable("programmable", True, True),
-        Programmable("distilled-critic", True, False),
-        Programmable("true-properties", False, False),
-        Canonical("canonical"),
-    )
-}
+
+FAMILIES: Registry[Family] = Registry("network family")
+FAMILIES.register("programmable", Programmable())
+FAMILIES.register("distilled-critic", Programmable(critic_detects=False))
+FAMILIES.register("true-properties", Programmable(False, False, actor=""))
+FAMILIES.register("canonical", Canonical())
 
 
 def family_of(network: NetworkConfig) -> Family:
@@ -150,6 +235,26 @@ def codes_of(program: Program, network: NetworkConfig) -> Codes:
     table = ProgramTable(network.vocabulary)
     table.add(program)
     return family_of(network).codes(table)
+
+
+def uniform(
+    shapes: Shapes,
+    rng: np.random.Generator,
+    output_scale: float | None,
+    detector_scale: float = 1.0,
+) -> Tensors:
+    """Weights uniform in ±1/√fan-in, torch's default for Linear, and of the detectors in
+    `detector_scale` times that; with `output_scale` those of the layer "output" in ± that."""
+    tensors: Tensors = {}
+    for name, shape in shapes.items():
+        layer = name.rpartition(".")[0]
+        bound = 1.0 / math.sqrt(shapes[f"{layer}.weight"][-1])
+        if layer == "output" and output_scale is not None:
+            bound = output_scale
+        if layer == "detectors":
+            bound *= detector_scale
+        tensors[name] = rng.uniform(-bound, bound, shape).astype(np.float32)
+    return tensors
 
 
 def linear(name: str, outputs: int, inputs: int) -> Shapes:

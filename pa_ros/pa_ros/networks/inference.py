@@ -12,8 +12,7 @@ from pa_ros.core.experience import Float32
 from pa_ros.language import PRODUCT, Logic, Program
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.detectors import sharpened
-from pa_ros.networks.families import codes_of
-from pa_ros.networks.modules import goals_of, modules_of
+from pa_ros.networks.families import codes_of, family_of
 from pa_ros.networks.parameters import Tensors
 
 
@@ -35,7 +34,7 @@ class TorchActor:
 
     def __init__(self, config: NetworkConfig, tensors: Tensors, logic: Logic = PRODUCT) -> None:
         self._config = config
-        self._module = modules_of(config)[0](config).eval().requires_grad_(False)
+        self._module = family_of(config).modules()[0](config).eval().requires_grad_(False)
         self._module.logic = logic
         self.load(tensors)
 
@@ -64,4 +63,4 @@ def _scene(array: Float32) -> torch.Tensor:
 def _goals(program: Program, network: NetworkConfig) -> Any:
     """One program for one scene, as the modules take it."""
     codes = codes_of(program, network)
-    return goals_of(network, *(torch.from_numpy(code)[None] for code in codes))
+    return family_of(network).goals(network, *(torch.from_numpy(code)[None] for code in codes))

@@ -17,7 +17,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.files import written_beside
 from pa_ros.language import MIN_MAX, Program
 from pa_ros.language.flat import AND, NOT, OR, compile_program
-from pa_ros.networks.config import ACTORS, NetworkConfig
+from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.detectors import sharpened
 from pa_ros.networks.parameters import NOTHING, Tensors
 from pa_ros.world.poses import POSE_WIDTH
@@ -91,7 +91,7 @@ def write_onnx(
     The file's metadata contains `about` and `programs`: compiled inputs by text, of these programs.
     Raises ConfigError without the extra onnx, or for networks that take no programs.
     """
-    if ACTORS[network.family] != "programmable":
+    if network.actor != "programmable":
         raise ConfigError(
             f"export: onnx: expected programmable networks, got {network.family}, which has no "
             "learned detectors that execute programs"

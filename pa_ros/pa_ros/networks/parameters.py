@@ -5,20 +5,18 @@ The one table that the torch reference, the fused engine and checkpoints share.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from pa_ros.core.experience import Float32
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError
-from pa_ros.networks.families import Shapes, family_of
+from pa_ros.networks.families import Shapes, Tensors, family_of
 
-DETECTORS_BIAS = "detectors.bias"
-RELATIONS = ("query", "context", "local.0", "message.0")  # layers that f, r and α read ω with
+__all__ = [
+    "NOTHING", "Tensors", "actor_shapes", "check_tensors", "critic_shapes", "initial_actor",
+    "initial_critic", "not_finite",
+]  # fmt: skip
+
 NOTHING = 1e-30  # α's sum of relevances is taken to be at least this
-
-Tensors = dict[str, Float32]
 
 
 def actor_shapes(config: NetworkConfig) -> Shapes:
@@ -33,16 +31,12 @@ def critic_shapes(config: NetworkConfig) -> Shapes:
 
 def initial_actor(config: NetworkConfig, rng: np.random.Generator) -> Tensors:
     """Random initial weights of the actor; the same `rng` state gives the same weights."""
-    last = family_of(config).output_scale(config, critic=False)
-    return _initial(config, actor_shapes(config), rng, output_scale=last)
+    return family_of(config).initial(config, False, rng)
 
 
 def initial_critic(config: NetworkConfig, rng: np.random.Generator) -> Tensors:
     """Random initial weights of the critic; the same `rng` state gives the same weights."""
-    last = family_of(config).output_scale(config, critic=True)
-    tensors = _initial(config, critic_shapes(config), rng, output_scale=last)
-    tensors["output.bias"][:] = config.critic_output_bias
-    return tensors
+    return family_of(config).initial(config, True, rng)
 
 
 def check_tensors(tensors: Tensors, shapes: Shapes, whose: str) -> None:
@@ -65,24 +59,3 @@ def not_finite(tensors: Tensors) -> list[str]:
     if np.isfinite(everything).all():
         return []
     return [name for name, tensor in tensors.items() if not np.isfinite(tensor).all()]
-
-
-def _initial(
-    config: NetworkConfig, shapes: Shapes, rng: np.random.Generator, output_scale: float | None
-) -> Tensors:
-    tensors: Tensors = {}
-    for name, shape in shapes.items():
-        layer = name.rpartition(".")[0]
-        bound = 1.0 / math.sqrt(shapes[f"{layer}.weight"][-1])
-        if layer == "output" and output_scale is not None:
-            bound = output_scale
-        if layer == "detectors":
-            bound *= config.detector_init_scale
-        tensors[name] = rng.uniform(-bound, bound, shape).astype(np.float32)
-        hidden = layer in RELATIONS and not config.relations_see_properties
-        if name == DETECTORS_BIAS and not config.detectors_have_biases:
-            tensors[name][:] = 0.0
-        if hidden and name.endswith(".weight"):
-            columns = tensors[name].reshape(shape[0], -1, config.world.columns)
-            columns[..., config.world.schema.properties] = 0.0
-    return tensors

@@ -56,8 +56,8 @@ class Weight(nn.Module):
         self.weight = nn.Parameter(torch.zeros(shape))
 
 
-class Trunk(nn.Module):
-    """From Ω and programs to h = Σ p_i ω'_i; actor and critic each have their own.
+class Detectors(nn.Module):
+    """From Ω to Φ, with which all networks begin that evaluate programs.
 
     With `learned_detectors` Φ is computed by detectors, else it is the true one. `logic` joins
     degrees: PRODUCT, unless an actor is set to another.
@@ -66,30 +66,19 @@ class Trunk(nn.Module):
     logic: Logic
 
     scales: Tensor  # [F]
-    seen: Tensor  # [F + A]: 1 for what f, r and α see of a column, else 0
+    seen: Tensor  # [F + A]: 1 for what may act on the action but through p, else 0
 
-    def __init__(self, config: NetworkConfig, learned_detectors: bool) -> None:
+    def __init__(self, config: NetworkConfig, learned_detectors: bool = True) -> None:
         super().__init__()
         self.logic = PRODUCT
         self._group_sizes = config.vocabulary.group_sizes
         columns = config.world.columns
         self._learned = learned_detectors
-        self._self_weight = config.self_weight
         if learned_detectors:
             self.detectors = nn.Linear(columns, len(config.vocabulary.words))
             self.detectors.bias.requires_grad_(config.detectors_have_biases)
-        self.query = nn.Linear(columns, config.attention)
-        self.context = nn.Linear(columns, config.attention)
-        self.attention = Weight(config.attention)  # w of the neighbourhood attention
-        hidden = config.hidden
-        self.local = nn.ModuleList([nn.Linear(columns, hidden), nn.Linear(hidden, hidden)])
-        self.message = nn.ModuleList([nn.Linear(2 * columns, hidden), nn.Linear(hidden, hidden)])
-        if several := config.vocabulary.relation_inputs:
-            # What each relation adds to the first layer of r: "parameterizing the message passing
-            # operation based on the relation to be achieved" (paper, appendix).
-            self.relation = Weight(hidden, several)
-        upper = [nn.Linear(hidden, hidden) for _ in range(config.upper_layers)]
-        self.upper = nn.ModuleList(upper)  # between h and the output
+            self.detectors.weight.data *= config.detector_init_scale
+            self.detectors.bias.data *= config.detector_init_scale * config.detectors_have_biases
         self.true = TrueProperties(config.world)
         self.register_buffer("scales", input_scales(config), persistent=False)
         seen = torch.ones(columns)
@@ -102,18 +91,38 @@ class Trunk(nn.Module):
         if not self._learned:
             truth: Tensor = self.true(objects).transpose(1, 2)
             return truth
-        groups = self.detectors(self._columns(objects, arm)).split(self._group_sizes, dim=-1)
+        groups = self.detectors(self.columns(objects, arm)).split(self._group_sizes, dim=-1)
         return torch.cat([group.softmax(-1) for group in groups], -1).transpose(1, 2)
 
-    def _columns(self, objects: Tensor, arm: Tensor) -> Tensor:
+    def columns(self, objects: Tensor, arm: Tensor) -> Tensor:
         """ω, [B, N, F + A]: scaled objects, each with the arm."""
         arms = arm[:, None, :].expand(-1, objects.shape[1], -1)
         return torch.cat([objects * self.scales, arms], -1)
 
+
+class Trunk(Detectors):
+    """From Ω and programs to h = Σ p_i ω'_i; actor and critic each have their own."""
+
+    def __init__(self, config: NetworkConfig, learned_detectors: bool) -> None:
+        super().__init__(config, learned_detectors)
+        columns, self._self_weight = config.world.columns, config.self_weight
+        self.query = nn.Linear(columns, config.attention)
+        self.context = nn.Linear(columns, config.attention)
+        self.attention = Weight(config.attention)  # w of the neighbourhood attention
+        hidden = config.hidden
+        self.local = nn.ModuleList([nn.Linear(columns, hidden), nn.Linear(hidden, hidden)])
+        self.message = nn.ModuleList([nn.Linear(2 * columns, hidden), nn.Linear(hidden, hidden)])
+        if several := config.vocabulary.relation_inputs:
+            # What each relation adds to the first layer of r: "parameterizing the message passing
+            # operation based on the relation to be achieved" (paper, appendix).
+            self.relation = Weight(hidden, several)
+        upper = [nn.Linear(hidden, hidden) for _ in range(config.upper_layers)]
+        self.upper = nn.ModuleList(upper)  # between h and the output
+
     def trunk(self, objects: Tensor, arm: Tensor, programs: Programs, hand_index: int) -> Tensor:
         """Compute h, [B, K, H], of objects [B, N, F] and arm [B, A] under K programs each."""
         phi = self.phi(objects, arm)
-        columns = self._columns(objects, arm) * self.seen
+        columns = self.columns(objects, arm) * self.seen
         scores = self._scores(columns)  # [B, N, N]
         if programs.roles is None:
             p = programs.relevant_objects(phi, hand_index, self.logic)  # [B, K, N]

@@ -17,7 +17,6 @@ from pa_ros.core.update import HAND_INDEX, Batch
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import family_of
-from pa_ros.networks.modules import goals_of, modules_of
 from pa_ros.networks.parameters import Tensors
 from pa_ros.world.programs import ProgramTable
 
@@ -35,7 +34,7 @@ class Inputs(NamedTuple):
     next_arm: Tensor
     reward: Tensor
     discount: Tensor
-    goals: Any  # `modules.goals_of`
+    goals: Any  # `Family.goals`
 
     @property
     def now(self) -> tuple[Tensor, Tensor, Any]:
@@ -69,7 +68,7 @@ class TorchEngine(ABC):
         self._config = config
         self.device = _device_named(config.engine.device)
         self.dtype: torch.dtype = getattr(torch, config.engine.dtype)
-        self._network, self._table = network, table
+        self._network, self._table, self._family = network, table, family_of(network)
         self._rows: list[Tensor] = []  # the programs of the table on the device
         self._known = 0  # how many those are
         # Modules of pa_ros.networks: the actor is called with its inputs, critics have `trunk` and
@@ -107,14 +106,14 @@ class TorchEngine(ABC):
         """Rows [B, K] of the table, as the networks take programs."""
         # Tasks add programs while a run learns; only then are the rows copied to the device again.
         if self._known != len(self._table):
-            codes = map(torch.from_numpy, family_of(self._network).codes(self._table))
+            codes = map(torch.from_numpy, self._family.codes(self._table))
             self._rows = [
                 code.to(self.device, self.dtype if code.is_floating_point() else torch.int64)
                 for code in codes
             ]
             self._known = len(self._table)
         index = torch.from_numpy(program).to(self.device).long()
-        return goals_of(self._network, *(rows[index] for rows in self._rows))
+        return self._family.goals(self._network, *(rows[index] for rows in self._rows))
 
     def act(self, network: Any, seen: tuple[Tensor, Tensor, Any]) -> Tensor:
         """Actions of an actor or its target, [B, K, J]."""
@@ -215,7 +214,7 @@ class TorchEngine(ABC):
 
     def _module(self, name: str, tensors: Tensors) -> nn.Module:
         """The actor, or a critic, with these weights."""
-        module: nn.Module = modules_of(self._network)[name != ACTOR](self._network)
+        module: nn.Module = self._family.modules()[name != ACTOR](self._network)
         module.load_state_dict({k: torch.from_numpy(v) for k, v in tensors.items()})
         return module.to(self.device, self.dtype)
 
