@@ -29,7 +29,7 @@ from pa_ros.wire.program import (
     encode_program_status,
 )
 from pa_ros.wire.services import ResetRequest
-from pa_ros.wire.step import decode_command, encode_step
+from pa_ros.wire.step import Command, decode_command, encode_step
 from sim_node.commands import Watchdog, check_answer
 from sim_node.config import SimConfig
 from sim_node.entities import Entities
@@ -72,8 +72,7 @@ class SimNode(ManagedNode):
         period_s = self.session.arena.control_period_s / self.config.real_time_factor
         if self._real_time:
             self._ticker = steady_timer(self, period_s, self._tick)
-        else:
-            steady_timer(self, self.config.resend_period_s / 4, self._publish_again)
+        steady_timer(self, self.config.resend_period_s / 4, self._publish_again)
 
     def activate(self) -> None:
         """Resume where the arena stopped, without the command that moved the arm then."""
@@ -104,18 +103,18 @@ class SimNode(ManagedNode):
         self._provenance.publish(encode_provenance(origin))
 
     def _create_subscriptions(self) -> None:
-        self.subscribe(topics.JOINT_COMMANDS, self._on_command)
+        self._commands = self.subscribe(topics.JOINT_COMMANDS, self._on_command)
         self.subscribe(topics.PROGRAM, self._on_program)
 
     def _create_services(self) -> None:
         """Services, and what people look at. Raises RenderError for a camera without OpenGL."""
         entities = Entities(self.session)
         Services(self, entities)
-        SteppingAction(self)
+        self._stepping = SteppingAction(self)
         with_camera = self.config.camera.rate_hz > 0
         self._camera = CameraView(self) if with_camera else None
         Views(self, entities, self._camera)
-        Samples(self)
+        self.samples = Samples(self)
 
     # One control step
 
@@ -124,15 +123,20 @@ class SimNode(ManagedNode):
         agent = AgentKey(command.agent_id, command.incarnation)
         if not self._agents.received(agent, agent):
             return  # the diagnostics name this second agent
-        if self.paused or not self.active:
-            self.check_active()
-            text = "joint_commands: expected none while the arena is paused"
-            raise SimError(text, code="arena.paused")
-        if self._real_time:
+        self.check_active()
+        if self.paused:
+            # Agents answer whatever is published; nothing moves unless a step was requested.
+            if self._stepping.awaits_command:
+                self._answer(command)
+                self._stepping.count()
+        elif self._real_time:
             self.watchdog.offer(command)
         else:
-            check_answer(self.session, command)
-            self._step(self.session.apply, command)
+            self._answer(command)
+
+    def _answer(self, command: Command) -> None:
+        check_answer(self.session, command)
+        self._step(self.session.apply, command)
 
     def _tick(self) -> None:
         if self.active and not self.paused:
@@ -171,8 +175,9 @@ class SimNode(ManagedNode):
         late = time.monotonic() - self._published_at > self.config.resend_period_s
         had_subscribers = self._had_subscribers
         self._had_subscribers = self._features.get_subscription_count() > 0
-        if late and had_subscribers and self.active and not self.paused:
-            self._publish(self.session.current)
+        waits = self._stepping.awaits_command if self.paused else not self._real_time
+        if late and had_subscribers and self.active and waits:
+            self.show()
 
     def _publish_first_step(self) -> None:
         """In real time the first step is published whether or not somebody subscribes."""
@@ -212,11 +217,25 @@ class SimNode(ManagedNode):
         """Begin an episode; raises what `Session.begin` raises."""
         self._publish(self.session.begin(request))
 
-    def hold(self, steps: int) -> None:
-        """Run control periods of a paused arena while the arm holds still. SimError if running."""
+    @property
+    def has_agent(self) -> bool:
+        """Whether there is a program, and somebody who commands."""
+        return self.session.program is not None and self._commands.get_publisher_count() > 0
+
+    def show(self) -> None:
+        """Publish the current step again."""
+        self._publish(self.session.current)
+
+    def check_paused(self) -> None:
+        """Raise SimError unless the arena is active and paused."""
+        self.check_active()
         if not self.paused:
             text = "step: expected a paused arena, got a running one"
             raise SimError(text, code="arena.not_paused")
+
+    def hold(self, steps: int) -> None:
+        """Run control periods of a paused arena while the arm holds still. SimError if running."""
+        self.check_paused()
         for _ in range(steps):
             self._step(self.session.advance, self.session.hold)
 
@@ -224,6 +243,7 @@ class SimNode(ManagedNode):
         """Stop or resume simulation time."""
         self.paused = paused
         self._publish_first_step()
+        self.samples.show()
 
     def set_speed(self, factor: float) -> None:
         """Set simulation time per wall time. Raises SimError in lockstep."""

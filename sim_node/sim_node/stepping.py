@@ -1,4 +1,7 @@
-"""The action simulate_steps: a paused arena advances step by step, and can be cancelled between."""
+"""The action simulate_steps: a paused arena advances step by step, and can be cancelled between.
+
+Each step is the answer of the agent, as in lockstep. Without a program, or an agent, the arm holds.
+"""
 
 from __future__ import annotations
 
@@ -32,9 +35,26 @@ class SteppingAction:
         self._timer: Any = None
         GoalServer(arena, SIMULATE_STEPS, self._start, self._cancel)
 
+    @property
+    def awaits_command(self) -> bool:
+        """Whether the next step is up to the agent."""
+        return self._goal is not None and self._arena.has_agent
+
+    def count(self) -> None:
+        """Report a step that was made, and end the goal with the last one."""
+        goal = self._goal
+        if goal is None:
+            return
+        self._done += 1
+        goal.feedback(Message(encode_steps_feedback(self._done, self._steps - self._done)))
+        if self._done == self._steps:
+            self._end()
+            self._arena.samples.show()
+            goal.succeed(Message(encode_steps_result(ResultCode.OK)))
+
     def _start(self, goal: ActionGoal) -> None:
         try:
-            self._arena.check_active()
+            self._arena.check_paused()
             steps = decode_simulation_steps(goal.request)
             if self._goal is not None:
                 text = f"simulate_steps: expected one goal at a time, got one after {self._done}"
@@ -44,23 +64,23 @@ class SteppingAction:
             return
         self._goal, self._steps, self._done = goal, steps, 0
         self._timer = steady_timer(self._arena, ROUND_S, self._step)
+        if self.awaits_command:
+            self._arena.show()  # so that the agent answers it, perhaps once more
 
     def _step(self) -> None:
         goal = self._goal
         if goal is None:
             return
         try:
-            self._arena.check_active()
+            self._arena.check_paused()
+            if self.awaits_command:
+                return
             self._arena.hold(1)
         except PaError as error:
             self._end()
             self._abort(goal, error)
             return
-        self._done += 1
-        goal.feedback(Message(encode_steps_feedback(self._done, self._steps - self._done)))
-        if self._done == self._steps:
-            self._end()
-            goal.succeed(Message(encode_steps_result(ResultCode.OK)))
+        self.count()
 
     def _cancel(self, goal: ActionGoal) -> None:
         if goal is self._goal:

@@ -154,8 +154,9 @@ class Samples:
     def __init__(self, arena: SimNode) -> None:
         self._arena = arena
         self._out = topics.SAMPLES.publisher(arena)
-        steady_timer(arena, SAMPLES_S, self._show)
+        steady_timer(arena, SAMPLES_S, self.show)
 
-    def _show(self) -> None:
+    def show(self) -> None:
+        """Publish the current step now."""
         if self._out.get_subscription_count() and self._arena.active:
             self._out.publish(encode_step(self._arena.session.current))

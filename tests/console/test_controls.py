@@ -1,13 +1,15 @@
 """The controls of a page: the program field, the arena's buttons, and the handle of a block."""
 
 from types import SimpleNamespace
-from unittest.mock import MagicMock
+from typing import Any
+from unittest.mock import MagicMock, call, create_autospec
 
 import pytest
 
 pytest.importorskip("viser", reason="the extra `console` is not installed")
 
 from pa_ros.console.controls import SPEEDS, Controls
+from pa_ros.tools.arm import Arm
 
 BLOCKS = (("RED CUBE", (0.1, 0.2, 0.03)), ("BLUE SPHERE", (0.3, 0.4, 0.03)))
 
@@ -18,7 +20,8 @@ class Made:
     def __init__(self) -> None:
         self.client, self.live = MagicMock(), MagicMock(examples=(), arenas=(), blocks=BLOCKS)
         self.live.vocabulary = self.live.speed = None
-        self.live.do.side_effect = lambda act: act()
+        self.arm = create_autospec(Arm, instance=True)
+        self.live.ask.side_effect = lambda _, act: act(self.arm)
         self.parts: dict[str, MagicMock] = {}
         gui = self.client.gui
         for add in (gui.add_dropdown, gui.add_button_group, gui.add_button, gui.add_text):
@@ -53,10 +56,10 @@ def test_a_block_is_moved_to_where_its_handle_is_released():
     handle.position = "under the mouse"
     pull(dragged("update", 0.4, 0.4))
     made.controls.refresh()
-    made.live.services.move.assert_not_called()
+    made.arm.move.assert_not_called()
     assert handle.position == "under the mouse"
     pull(dragged("end", 0.5, 0.4))
-    made.live.services.move.assert_called_once_with(1, 0.5, 0.4)
+    made.arm.move.assert_called_once_with(1, 0.5, 0.4)
     made.controls.refresh()
     assert handle.position == BLOCKS[1][1]  # the arena has not moved it
     made.live.blocks = BLOCKS[:1]  # another scene
@@ -69,7 +72,7 @@ def test_only_a_chosen_block_is_put_at_a_typed_place(chosen: str, calls: int):
     made = Made()
     made.choose("Block", chosen)
     made.press("Put it there")
-    assert made.live.services.move.call_count == calls
+    assert made.arm.move.call_count == calls
 
 
 def test_the_current_speed_is_marked_and_all_can_be_pressed():
@@ -79,16 +82,17 @@ def test_the_current_speed_is_marked_and_all_can_be_pressed():
         made.controls.refresh()
         assert made.parts["Speed"].options == shown
     made.press("Speed", "● 2")
-    made.live.services.set_speed.assert_called_once_with(2.0)
+    made.arm.set_speed.assert_called_once_with(2.0)
 
 
 @pytest.mark.parametrize(
-    ("label", "value", "service", "given"),
-    [("Time", "Pause", "pause", (True,)), ("Time", "Resume", "pause", (False,)),
-     ("Time", "Step", "step", ()), ("Speed", "0.5", "set_speed", (0.5,)),
-     ("Begin", "Next scene", "reset", (None,))],
+    ("label", "value", "method", "asked"),
+    [("Time", "Pause", "pause", call()), ("Time", "Resume", "resume", call()),
+     ("Time", "Step", "step", call()), ("Speed", "0.5", "set_speed", call(0.5)),
+     ("Begin", "Next scene", "reset", call())],
 )  # fmt: skip
-def test_a_button_calls_its_service(label: str, value: str, service: str, given: tuple):
+def test_a_button_asks_the_arm(label: str, value: str, method: str, asked: Any):
     made = Made()
     made.press(label, value)
-    getattr(made.live.services, service).assert_called_once_with(*given)
+    made.live.ask.assert_called_once()
+    assert made.arm.mock_calls == [getattr(call, method)(*asked.args)]

@@ -136,7 +136,7 @@ def a_block_is_moved(page):
     page.get_by_label("Block", exact=True).click()
     page.get_by_role("option").filter(has_text="1: ").click()
     press(page, "Put it there")
-    page.get_by_text(re.compile("move [a-z_]+: done")).wait_for()
+    page.get_by_text(re.compile("move [A-Z ]+: done")).wait_for()
 
 
 def another_arena_is_chosen(page):

@@ -11,7 +11,6 @@ from pa_ros.ros import topics
 from pa_ros.wire.fields import header_stamp, read_stamp
 from pa_ros.wire.program import ProgramRequest, decode_program_status, encode_program
 from pa_ros.wire.services import ResetRequest, encode_reset, encode_speed
-from pa_ros.wire.simulator import encode_steps_request
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -59,7 +58,8 @@ def test_the_clock_never_goes_back_even_at_a_reset(probe):
 
 
 def test_a_paused_arena_takes_single_steps_and_the_agent_sends_nothing(probe):
-    running = probe.call(topics.STEP_SIMULATION, encode_steps_request(1))
+    step = topics.STEP_SIMULATION[1].Request
+    running = probe.call(topics.STEP_SIMULATION, step(steps=1))
     assert not running.success and "expected a paused arena" in running.reason
     assert probe.pause().success
     session = probe.nodes[0].session
@@ -67,9 +67,9 @@ def test_a_paused_arena_takes_single_steps_and_the_agent_sends_nothing(probe):
     before, sent = session.steps, probe.count(topics.JOINT_COMMANDS)
     probe.until(lambda: False, 0.3)
     assert (session.steps, probe.count(topics.JOINT_COMMANDS)) == (before, sent)
-    assert probe.call(topics.STEP_SIMULATION, encode_steps_request(3)).success
+    assert probe.call(topics.STEP_SIMULATION, step(steps=3)).success
     assert session.steps == before + 3
-    assert not probe.call(topics.STEP_SIMULATION, encode_steps_request(0)).success
+    assert not probe.call(topics.STEP_SIMULATION, step(steps=0)).success
     assert probe.call(topics.SPEED, encode_speed(2.0)).code == "arena.lockstep"
     assert probe.pause(False).success
     assert probe.until(lambda: session.steps > before + 30)  # the agent is asked again

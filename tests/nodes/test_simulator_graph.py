@@ -21,7 +21,7 @@ from simulation_interfaces.msg import (
 )
 
 from agent_node.node import AgentNode
-from helpers.graph import SCENE, TRAINED, Probe, graph
+from helpers.graph import ACTIVATE, DEACTIVATE, SCENE, TRAINED, Probe, User, graph
 from pa_ros.arena.rearranging import bodies
 from pa_ros.ros import topics
 from pa_ros.ros.actions import SIMULATE_STEPS
@@ -91,6 +91,26 @@ def names(probe: Probe, service: tuple[str, Any] = topics.GET_ENTITIES, **fields
     return list(answer.entities)
 
 
+class Steps:
+    """A client of the action simulate_steps."""
+
+    def __init__(self, probe: Probe) -> None:
+        self._probe, self.feedback = probe, list[Any]()
+        self.client = ActionClient(probe, SIMULATE_STEPS[1], SIMULATE_STEPS[0])
+        assert probe.until(self.client.server_is_ready)
+
+    def start(self, steps: int) -> Any:
+        goal = SimulateSteps.Goal(steps=steps)
+        sent = self.client.send_goal_async(goal, lambda m: self.feedback.append(m.feedback))
+        assert self._probe.until(sent.done)
+        return sent.result()
+
+    def result(self, handle: Any) -> tuple[int, int]:
+        future = handle.get_result_async()
+        assert self._probe.until(future.done)
+        return future.result().status, future.result().result.result.result
+
+
 def test_an_agent_follows_its_target_while_a_person_moves_removes_and_adds_it():
     with graph(SimNode, AgentNode, **ARENA, **TRAINED, sim_node__real_time_factor=20.0) as probe:
         assert probe.until(lambda: probe.count(topics.OBJECT_FEATURES) > 0)
@@ -123,6 +143,32 @@ def test_an_agent_follows_its_target_while_a_person_moves_removes_and_adds_it():
         assert ask(probe, topics.SPAWN_ENTITY, **spawn, **at).entity_name == "mine"
         assert probe.until(lambda: near() and reached([-0.4, -0.3]))
         assert probe.last(topics.OBJECT_FEATURES).program_id == "mine"
+
+
+@pytest.mark.parametrize("mode", ["real_time", "lockstep"])
+def test_the_agent_acts_in_each_step_of_the_action_and_the_arm_holds_in_those_of_the_service(mode):
+    paused = {"sim_node__paused": True, "sim_node__mode": mode}
+    with graph(SimNode, AgentNode, **ARENA | paused, **TRAINED) as probe:
+        user = User(probe, probe.nodes[1])
+        arena, steps = probe.nodes[0], Steps(probe)
+        program = topics.PROGRAM.type(program_id="mine", text="NEAR(HAND, AND(RED, CUBE))")
+        probe.speaker(topics.PROGRAM).publish(program)
+        assert probe.until(lambda: arena.session.program is not None)
+        assert steps.result(steps.start(60)) == (GoalStatus.STATUS_SUCCEEDED, OK)
+        assert arena.session.steps == 60 and arena.session.current.verdict.satisfied
+        executed = [one.commanded_by for one in probe.heard[topics.OBJECT_FEATURES.name]]
+        assert probe.nodes[1].agent_id in executed
+        assert probe.until(lambda: probe.nodes[1].seen[0].observation.step == 60)
+        assert code(probe, topics.STEP_SIMULATION, steps=3) == OK
+        assert arena.session.steps == 63 and arena.session.current.executed is None
+        assert not arena.refusals.total
+        # It waits for an agent that is there, but does not act.
+        assert user.ask(DEACTIVATE)[0]
+        waiting = steps.start(5)
+        probe.until(lambda: False, 0.3)
+        assert arena.session.steps == 63
+        assert user.ask(ACTIVATE)[0]
+        assert steps.result(waiting) == (GoalStatus.STATUS_SUCCEEDED, OK)
 
 
 def test_an_arena_warns_if_another_node_publishes_its_clock():
@@ -301,35 +347,21 @@ def test_the_last_block_cannot_be_removed(probe):
 
 
 def test_steps_as_an_action_are_counted_and_can_be_cancelled(probe):
-    session, feedback = probe.nodes[0].session, []
-    client = ActionClient(probe, SIMULATE_STEPS[1], SIMULATE_STEPS[0])
-    assert probe.until(client.server_is_ready)
-
-    def start(steps: int) -> Any:
-        goal = SimulateSteps.Goal(steps=steps)
-        sent = client.send_goal_async(goal, lambda m: feedback.append(m.feedback))
-        assert probe.until(sent.done)
-        return sent.result()
-
-    def result(handle: Any) -> tuple[int, int]:
-        future = handle.get_result_async()
-        assert probe.until(future.done)
-        return future.result().status, future.result().result.result.result
-
+    session, steps = probe.nodes[0].session, Steps(probe)
     before = session.steps
-    assert result(start(5)) == (GoalStatus.STATUS_SUCCEEDED, OK)
+    assert steps.result(steps.start(5)) == (GoalStatus.STATUS_SUCCEEDED, OK)
     assert session.steps == before + 5
-    assert probe.until(lambda: len(feedback) == 5)
-    assert (feedback[-1].completed_steps, feedback[-1].remaining_steps) == (5, 0)
-    endless = start(10**9)
-    assert result(start(5)) == (GoalStatus.STATUS_ABORTED, FAILED)
+    assert probe.until(lambda: len(steps.feedback) == 5)
+    assert (steps.feedback[-1].completed_steps, steps.feedback[-1].remaining_steps) == (5, 0)
+    endless = steps.start(10**9)
+    assert steps.result(steps.start(5)) == (GoalStatus.STATUS_ABORTED, FAILED)
     assert probe.until(lambda: session.steps > before + 20)
     assert probe.nodes[0].collect()[1].startswith("paused: makes the requested steps, ")
     assert probe.until(endless.cancel_goal_async().done)
-    assert result(endless)[0] == GoalStatus.STATUS_CANCELED
-    steps = session.steps
+    assert steps.result(endless)[0] == GoalStatus.STATUS_CANCELED
+    done = session.steps
     probe.until(lambda: False, 0.3)
-    assert session.steps == steps
+    assert session.steps == done
     assert code(probe, topics.SET_SIMULATION_STATE, state__state=PLAYING) == OK
-    assert result(start(5)) == (GoalStatus.STATUS_ABORTED, FAILED)
-    client.destroy()
+    assert steps.result(steps.start(5)) == (GoalStatus.STATUS_ABORTED, FAILED)
+    steps.client.destroy()

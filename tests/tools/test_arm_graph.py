@@ -6,10 +6,12 @@ The tests share one graph, which `Arm.simulated` starts.
 import subprocess
 import sys
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from textwrap import indent
 from unittest.mock import Mock
 
+import numpy as np
 import pytest
 
 import pa_ros
@@ -164,3 +166,33 @@ def test_without_ros_the_error_says_what_to_do(monkeypatch) -> None:
     with pytest.raises(ImportError, match=r"expected ROS 2 \(rclpy\)"):
         pa_ros.__getattr__("Arm")
     assert "Arm" in dir(pa_ros)
+
+
+def test_the_page_on_the_simulator_steps_the_agent_to_its_target(arm: Arm, capsys) -> None:
+    page = (Path(__file__).parents[2] / "docs/simulator.md").read_text()
+    example = page.partition("<!-- test: steps -->\n```python\n")[2].partition("```")[0]
+    arm.reset(0)
+    exec(example.replace("Arm.simulated()", "Arm()", 1), {})
+    shown = capsys.readouterr().out.splitlines()
+    steps = [int(line.split(":")[0].removeprefix("step ")) for line in shown]
+    assert [later - before for before, later in pairwise(steps)] == [5] * 9
+    assert shown[-1].endswith("satisfied")
+
+
+def test_blocks_are_moved_by_number_and_wrong_requests_say_why(arm: Arm) -> None:
+    arm.reset(0)
+    with pytest.raises(PaError, match="paused"):
+        arm.step()
+    with pytest.raises(PaError, match=r"expected one of \d blocks, got number 99"):
+        arm.move(99, 0.0, 0.3)
+    with pytest.raises(PaError, match="real_time_factor"):
+        arm.set_speed(-1.0)
+    arm.set_speed(5.0)
+    arm.pause()
+    arm.move(0, 0.45, -0.3)
+    with pytest.raises(PaError, match="every other block"):
+        arm.move(1, 0.45, -0.3)
+    hand, block, *_ = arm.step().step.observation.objects
+    assert hand[:3] == pytest.approx(0.0) and np.linalg.norm(block[:3]) < 1.0
+    arm.resume()
+    arm.reset(0)

@@ -6,7 +6,7 @@ Each such page has its own controls, so that no other page can type into them.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
+from operator import methodcaller
 from typing import Any
 
 import viser
@@ -15,6 +15,7 @@ from pa_ros.console import markup
 from pa_ros.console.live import LiveConsole
 from pa_ros.console.page import ORDER
 from pa_ros.language import Vocabulary
+from pa_ros.tools.arm import Arm
 
 NO_BLOCK = "none"
 HANDLE_M = 0.25  # length of the arrows by which a block is dragged
@@ -38,6 +39,7 @@ class Controls:
     def refresh(self) -> None:
         """Offer what can be chosen now; keep the handle on its block."""
         live = self._live
+        live.join()
         self._follow_block()
         now = live.speed or 0.0
         speeds = tuple(NOW + one if abs(now - float(one)) < 0.1 * now else one for one in SPEEDS)
@@ -101,25 +103,23 @@ class Controls:
             begin = gui.add_button_group("Begin", ("This scene", "Next scene"))
         self._arenas.on_update(_by_hand(lambda: live.choose(self._arenas.value)))
         self._connect(time, {
-            "Pause": lambda: live.services.pause(True),
-            "Resume": lambda: live.services.pause(False),
-            "Step": lambda: live.services.step(),
+            "Pause": lambda arm: arm.pause(),
+            "Resume": lambda arm: arm.resume(),
+            "Step": lambda arm: arm.step(),
         })  # fmt: skip
         self._connect(begin, {
-            "This scene": lambda: live.services.reset(int(episode.value)),
-            "Next scene": lambda: live.services.reset(None),
+            "This scene": lambda arm: arm.reset(int(episode.value)),
+            "Next scene": lambda arm: arm.reset(),
         })  # fmt: skip
-        self._connect(self._speed, {
-            times: partial(lambda value: live.services.set_speed(value), float(times))
-            for times in SPEEDS
-        })  # fmt: skip
+        speeds = {times: methodcaller("set_speed", float(times)) for times in SPEEDS}
+        self._connect(self._speed, speeds)
 
-    def _connect(self, group: Any, acts: Mapping[str, Callable[[], None]]) -> None:
-        """Say what each button of a group does, in the thread of the node."""
+    def _connect(self, group: Any, acts: Mapping[str, Callable[[Arm], object]]) -> None:
+        """Say what each button of a group asks of the arm."""
 
         def press(_: Any) -> None:
             name = group.value.removeprefix(NOW)
-            self._live.do(lambda: acts[name]())
+            self._live.ask(name.lower(), acts[name])
 
         group.on_click(press)
 
@@ -136,7 +136,8 @@ class Controls:
     def _move(self, x: float, y: float) -> None:
         number = self._chosen()
         if number is not None:
-            self._live.do(lambda: self._live.services.move(number, x, y))
+            name = f"move {self._block.value.partition(': ')[2]}"
+            self._live.ask(name, lambda arm: arm.move(number, x, y))
 
     def _chosen(self) -> int | None:
         """Return the chosen block's number; None if none is chosen."""

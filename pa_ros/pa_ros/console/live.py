@@ -1,11 +1,13 @@
-"""A running graph on the page: draws its steps, sends programs, and calls the arena's services."""
+"""A running graph on the page: draws its steps, and has `pa_ros.Arm` do what the controls ask."""
 
 from __future__ import annotations
 
 import os
 import queue
+import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from itertools import count
 from math import nan
 from typing import Any
@@ -18,25 +20,27 @@ from pa_ros.console.history import History
 from pa_ros.console.moment import Moment
 from pa_ros.console.page import Page
 from pa_ros.console.server import ConsoleError, attempt
-from pa_ros.console.services import ArenaServices
 from pa_ros.console.sources import DEPTH, Sampler
 from pa_ros.core.errors import PaError
 from pa_ros.language import Vocabulary, parse_goal
 from pa_ros.ros.refusals import Refusals
-from pa_ros.ros.topics import ARENA_INFO, OBJECT_FEATURES, PROGRAM, PROGRAM_STATUS, SAMPLES
+from pa_ros.ros.topics import ARENA_INFO, OBJECT_FEATURES, PROGRAM_STATUS, SAMPLES
+from pa_ros.tools.arm import Arm
 from pa_ros.tools.client import namespaces_of_arenas
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
 from pa_ros.tools.scenes import suggested_programs
 from pa_ros.tools.weights import AgentWeights
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, Mode, decode_arena_info
-from pa_ros.wire.program import ProgramRequest, decode_program_status, encode_program
+from pa_ros.wire.program import decode_program_status
 from pa_ros.wire.step import decode_step
 
 SURVEY_S = 2.0  # how often arenas are looked for
 FIGURES_S = 1.0  # how often curves and alarms are updated
 LOCKSTEP_S = 0.5  # in lockstep, learning needs every core: the page is drawn twice a second
 LOCKSTEP_DEPTH = 4
+PATIENCE_S = 5.0  # for answers to what a page asks
+REQUESTS = 4  # that wait for their answers at the same time
 RATE = "real_time_factor"  # in the diagnostics of an arena
 
 
@@ -54,9 +58,11 @@ class LiveConsole:
         self._surveyed = self._plotted = self._drawn = -SURVEY_S
         self._sampler: Sampler | None = None
         self._open: list[Any] = []  # subscriptions in the arena's namespace
-        self._publisher: Any = None
         self._weights: AgentWeights
-        self.services: ArenaServices
+        self._arms: dict[str, Arm] = {}  # by namespace
+        self._joining = threading.Lock()
+        self._requests = ThreadPoolExecutor(REQUESTS, "console")
+        self.asked = ""  # the last request, and what became of it
         self.vocabulary: Vocabulary | None = None  # the arena's words; None: no arena is known
         self.speed: float | None = None  # times real time; None: in lockstep, or not known
         self.examples: tuple[str, ...] = ()  # programs that name something in the scene
@@ -71,6 +77,22 @@ class LiveConsole:
     def do(self, act: Callable[[], object]) -> None:
         """Have something done in the thread of the node; errors are counted and logged."""
         self._todo.put(act)
+
+    def ask(self, name: str, act: Callable[[Arm], object]) -> None:
+        """Have something asked of the arena, on another thread; `asked` says what became of it."""
+        self.asked = f"{name}: not answered yet"
+        self._requests.submit(self._ask, name, act, self._namespace)
+
+    def join(self) -> None:
+        """Join the arena's graph, so that the first request does not have to wait for that."""
+        if self._arena is not None and self._namespace not in self._arms:
+            self._requests.submit(self._arm, self._namespace)
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._requests.shutdown(cancel_futures=True)
+        for arm in self._arms.values():
+            arm.close()
 
     def send(self, text: str) -> None:
         """Have a program executed."""
@@ -98,7 +120,8 @@ class LiveConsole:
         self._drawn = now
         self._weights.refresh()
         self._draw((self._sampler or self._subscribe(lockstep)).take())
-        self._page.set_panel("History", self._history.html() + self.services.html())
+        asked = markup.quiet(self.asked) if self.asked else ""
+        self._page.set_panel("History", self._history.html() + asked)
         if now - self._plotted > FIGURES_S:
             self._plotted = now
             self._page.plot(now - self._began, self._figures.value)
@@ -138,15 +161,11 @@ class LiveConsole:
             self._rest()
             for subscription in self._open:
                 self._node.destroy_subscription(subscription)
-            self._node.destroy_publisher(self._publisher)
-            self.services.close()
             self._weights.close()
         self._namespace = namespace.strip("/")
         self._arena: ArenaDescription | None = None
         self.vocabulary, self.examples, self.speed = None, (), None
-        self.services = ArenaServices(self._node, self._namespace)
         self._weights = AgentWeights(self._node, self._namespace, self._refusals)
-        self._publisher = PROGRAM.within(f"/{self._namespace}").publisher(self._node)
         self._open = [
             topic.within(f"/{self._namespace}").subscribe(
                 self._node, self._refusals.guard(topic.name, callback)
@@ -154,6 +173,23 @@ class LiveConsole:
             for topic, callback in ((ARENA_INFO, self._on_arena), (PROGRAM_STATUS, self._on_status))
         ]
         self._page.set_panel("State", "")
+
+    def _arm(self, namespace: str) -> Arm:
+        with self._joining:
+            if namespace not in self._arms:
+                domain = self._node.context.get_domain_id()
+                self._arms[namespace] = Arm(namespace, patience=PATIENCE_S, domain=domain)
+            return self._arms[namespace]
+
+    def _ask(self, name: str, act: Callable[[Arm], object], namespace: str) -> None:
+        try:
+            act(self._arm(namespace))
+            said = "done"
+        except PaError as error:
+            said = str(error)
+        except Exception as error:  # nobody else would report it
+            said = f"{type(error).__name__}: {error}"
+        self.asked = f"{name}: {said}"
 
     def _on_arena(self, message: Message) -> None:
         arena = decode_arena_info(message)
@@ -170,12 +206,12 @@ class LiveConsole:
         try:
             if self.vocabulary is None:
                 raise ConsoleError("no arena is known yet")
-            request = ProgramRequest(program_id, str(parse_goal(text, self.vocabulary)))
+            program = str(parse_goal(text, self.vocabulary))
         except PaError as error:
             self._history.add(program_id, text, note=str(error).partition("\n")[0])
             return
-        self._history.add(program_id, request.text)
-        self._publisher.publish(encode_program(request))
+        self._history.add(program_id, program)
+        self.ask("send", lambda arm: arm.send(program, program_id))
 
     def _draw(self, messages: list[Message]) -> None:
         """Follow executions through all steps, and draw the newest."""

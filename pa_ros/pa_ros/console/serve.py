@@ -94,6 +94,7 @@ def beside(node: Node, settings: ConsoleSettings, namespace: str = "") -> Iterat
             yield server
         finally:
             node.destroy_timer(timer)
+            live.close()
             sampled.destroy_node()
 
 

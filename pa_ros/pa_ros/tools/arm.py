@@ -28,7 +28,8 @@ from pa_ros.wire.program import (
     decode_goal_result,
     encode_goal,
 )
-from pa_ros.wire.services import ResetRequest
+from pa_ros.wire.services import ResetRequest, decode_outcome
+from pa_ros.wire.simulator import encode_steps_goal
 
 if TYPE_CHECKING:
     from pa_ros.acting.insight import Explanation
@@ -199,10 +200,14 @@ class Arm:
         """
         if self.graph.until(self.graph.goals.server_is_ready, min(OFFER_S, self.graph.patience)):
             return self.start(program, timeout, hold).result(progress)
-        answers = self.send(program, timeout, hold)
-        for status in answers.refused:
-            raise PaError(f"{status.node}: {status.reason}", status.code)
-        found = self._sender.wait(self.graph.patience)
+        graph, patience = self.graph, self.graph.patience
+        sender = graph.call(lambda: ProgramSender(graph.node, graph.until))
+        try:
+            for status in sender.send(program, patience, timeout, hold).refused:
+                raise PaError(f"{status.node}: {status.reason}", status.code)
+            found = sender.wait(patience)
+        finally:
+            graph.call(sender.close)
         reason = "" if found.satisfied else found.text(program)
         return Result(program, found.satisfied, found.distance, found.reached_s, reason)
 
@@ -223,12 +228,14 @@ class Arm:
         if self.goal is not None:
             self.goal.cancel()
 
-    def send(self, program: str, timeout: float | None = None, hold: float = HOLD_S) -> Answers:
+    def send(self, program: str, program_id: str = "") -> Answers:
         """Publish a program to everyone; the answers of the arena, the agent and others.
 
         It stays in force until another one comes. Raises NoAnswerError if one of them is silent.
+
+        :param program_id: a new one of your own, by which the arena's steps name the program.
         """
-        return self._sender.send(program, self.graph.patience, timeout, hold)
+        return self._sender.send(program, self.graph.patience, program_id=program_id)
 
     @property
     def answers(self) -> Answers:
@@ -259,6 +266,35 @@ class Arm:
         """Let the arena's time go on."""
         self.graph.services.pause(False, self.graph.patience)
 
+    def step(self, steps: int = 1) -> Scene:
+        """Let a paused arena make control steps in which the agent acts; what is on the table then.
+
+        Waits up to the arm's patience for each step. Raises PaError if the arena is not paused.
+        """
+        graph, before = self.graph, self.scene()
+        then_ns = before.step.observation.stamp_ns + steps * round(1e9 * self.arena.control_period)
+        if not graph.until(graph.steps.server_is_ready):
+            raise NoAnswerError("step: no arena offers it; robots do not", code="arena.silent")
+        sent = graph.call(partial(graph.steps.send_goal_async, encode_steps_goal(steps)))
+        accepted = graph.until(sent.done) and sent.result().accepted
+        ended = graph.call(sent.result().get_result_async) if accepted else sent
+        if not accepted or not graph.until(ended.done, steps * graph.patience):
+            raise NoAnswerError("step: no answer: does the agent act?", code="arena.silent")
+        outcome = decode_outcome(ended.result().result)
+        if not outcome.success:
+            raise PaError(outcome.reason, "arena.service")
+        if not graph.until(lambda: self.scene().step.observation.stamp_ns >= then_ns):
+            raise NoAnswerError("step: its observation did not arrive", code="arena.silent")
+        return self.scene()
+
+    def set_speed(self, times: float) -> None:
+        """Change the speed of an arena in real time, times real time."""
+        self.graph.services.set_speed(times, self.graph.patience)
+
+    def move(self, block: int, x: float, y: float) -> None:
+        """Put a block, by its number in `scene().blocks`, somewhere on the table (m)."""
+        self.graph.services.move(block, x, y, self.graph.patience)
+
     def close(self) -> None:
         """Cancel the goal, leave the graph, and end what `simulated` started."""
         try:
@@ -275,10 +311,10 @@ class Arm:
 
     @property
     def _sender(self) -> ProgramSender:
-        """Made when it is needed, since it reads every step."""
         graph = self.graph
         if self._made_sender is None:
-            self._made_sender = graph.call(lambda: ProgramSender(graph.node, graph.until))
+            make = partial(ProgramSender, graph.node, graph.until, follow=False)
+            self._made_sender = graph.call(make)
         return self._made_sender
 
 

@@ -8,17 +8,32 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
+import numpy as np
 from rclpy.node import Node
 
 from pa_ros.core.errors import PaError
+from pa_ros.core.experience import Body
 from pa_ros.ros.environment import check_namespace, prepare_environment, start_ros
 from pa_ros.ros.executor import release, spin_until
-from pa_ros.ros.topics import ARENA_INFO, RESET, SET_SIMULATION_STATE
-from pa_ros.wire.services import Outcome, ResetRequest, decode_outcome, encode_reset
-from pa_ros.wire.simulator import SimState, encode_state_request
+from pa_ros.ros.topics import (
+    ARENA_INFO,
+    GET_ENTITIES,
+    RESET,
+    SET_ENTITY_STATE,
+    SET_SIMULATION_STATE,
+    SPEED,
+)
+from pa_ros.wire.services import Outcome, ResetRequest, decode_outcome, encode_reset, encode_speed
+from pa_ros.wire.simulator import (
+    SimState,
+    decode_names,
+    encode_state_change,
+    encode_state_request,
+)
 
 __all__ = ["ArenaClient", "NoAnswerError", "Node", "client_node"]
 
+SERVICES = RESET, SET_SIMULATION_STATE, SPEED, GET_ENTITIES, SET_ENTITY_STATE
 Spin = Callable[[Callable[[], bool], float], bool]
 """Spins until a condition is true or a time in seconds is over; whether it became true."""
 
@@ -78,20 +93,35 @@ class ArenaClient:
     def __init__(self, node: Node, spin: Spin | None = None, namespace: str = "") -> None:
         self._spin = spin or partial(spin_until, node)
         below = f"{namespace}/" if namespace else ""
-        self._reset = node.create_client(RESET[1], below + RESET[0])
-        self._state = node.create_client(SET_SIMULATION_STATE[1], below + SET_SIMULATION_STATE[0])
+        self._clients = {name: node.create_client(kind, below + name) for name, kind in SERVICES}
 
     def reset(self, request: ResetRequest, timeout_s: float) -> Outcome:
         """Begin an episode; episode and step then. Raises NoAnswerError, PaError if rejected."""
-        return self._call("reset", self._reset, encode_reset(request), timeout_s)
+        return self._call(RESET[0], encode_reset(request), timeout_s)
 
     def pause(self, paused: bool, timeout_s: float) -> Outcome:
         """Stop or resume simulation time. Raises NoAnswerError, PaError if rejected."""
         state = SimState.PAUSED if paused else SimState.PLAYING
         request = encode_state_request(state)
-        return self._call(SET_SIMULATION_STATE[0], self._state, request, timeout_s)
+        return self._call(SET_SIMULATION_STATE[0], request, timeout_s)
 
-    def _call(self, name: str, client: Any, request: Any, timeout_s: float) -> Outcome:
+    def set_speed(self, times: float, timeout_s: float) -> None:
+        """Change the speed, times real time. Raises NoAnswerError, PaError if rejected."""
+        self._call(SPEED[0], encode_speed(times), timeout_s)
+
+    def move(self, block: int, x: float, y: float, timeout_s: float) -> None:
+        """Put a block, by its number, somewhere on the table (m). Raises NoAnswerError, PaError if
+        rejected."""
+        names = decode_names(self._answer(GET_ENTITIES[0], GET_ENTITIES[1].Request(), timeout_s))
+        if not 0 <= block < len(names) - 1:  # the first is the hand
+            text = f"move: expected one of {len(names) - 1} blocks, got number {block}"
+            raise PaError(text, code="arena.service")
+        place = Body.at_rest(np.array([x, y, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
+        request = encode_state_change(names[block + 1], place)
+        self._call(SET_ENTITY_STATE[0], request, timeout_s)
+
+    def _answer(self, name: str, request: Any, timeout_s: float) -> Any:
+        client = self._clients[name]
         if not self._spin(client.service_is_ready, timeout_s):
             raise NoAnswerError(
                 f"{name}: no arena offers it within {timeout_s:g} s", code="arena.silent"
@@ -99,7 +129,10 @@ class ArenaClient:
         answer = client.call_async(request)
         if not self._spin(answer.done, timeout_s):
             raise NoAnswerError(f"{name}: no answer within {timeout_s:g} s", code="arena.silent")
-        outcome = decode_outcome(answer.result())
+        return answer.result()
+
+    def _call(self, name: str, request: Any, timeout_s: float) -> Outcome:
+        outcome = decode_outcome(self._answer(name, request, timeout_s))
         if not outcome.success:
             text = f"{name}: rejected: [{outcome.code}] {outcome.reason}"
             raise PaError(text, code="arena.service")

@@ -17,7 +17,7 @@ from typing import Any
 from rclpy.action import ActionClient
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.ros.actions import EXECUTE_PROGRAM
+from pa_ros.ros.actions import EXECUTE_PROGRAM, SIMULATE_STEPS
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.refusals import Refusals
 from pa_ros.tools.client import ArenaClient, NoAnswerError, client_node, namespaces_of_arenas
@@ -54,6 +54,8 @@ class Connection:
             self.services = ArenaClient(node, self.until)
             self.goals: Any = ActionClient(node, EXECUTE_PROGRAM[1], EXECUTE_PROGRAM[0])
             stack.callback(self.goals.destroy)
+            self.steps: Any = ActionClient(node, SIMULATE_STEPS[1], SIMULATE_STEPS[0])
+            stack.callback(self.steps.destroy)
             stop = threading.Event()
             serve = partial(spin_until, node, stop.is_set, None)
             thread = threading.Thread(target=serve, name="arm", daemon=True)

@@ -54,7 +54,8 @@ class ProgramSender:
     A program is sent again while answers are missing, so that a node that starts late gets it.
     """
 
-    def __init__(self, node: Node, spin: Spin | None = None) -> None:
+    def __init__(self, node: Node, spin: Spin | None = None, follow: bool = True) -> None:
+        """Without `follow` it does not read the arena's steps, and `wait` never returns."""
         self._node = node
         self._spin = spin or partial(spin_until, node)
         self._since = time.monotonic()
@@ -66,21 +67,32 @@ class ProgramSender:
         self._message: Message | None = None  # the program sent last
         self._sent_at = self._since
         self.refusals = Refusals(node.get_logger().warning)
-        for topic, callback in (
-            (PROGRAM_STATUS, self._on_status),
-            (OBJECT_FEATURES, self._on_step),
-        ):
+        read = [(PROGRAM_STATUS, self._on_status), *[(OBJECT_FEATURES, self._on_step)] * follow]
+        self._readers = [
             topic.subscribe(node, self.refusals.guard(topic.name, callback))
+            for topic, callback in read
+        ]
+
+    def close(self) -> None:
+        """Leave the topics."""
+        for reader in self._readers:
+            self._node.destroy_subscription(reader)
+        self._node.destroy_publisher(self._publisher)
 
     def send(
-        self, text: str, timeout_s: float, time_s: float | None = None, hold_s: float = HOLD_S
+        self,
+        text: str,
+        timeout_s: float,
+        time_s: float | None = None,
+        hold_s: float = HOLD_S,
+        program_id: str = "",
     ) -> Answers:
         """Publish a program and wait until an arena, an agent and all others have answered.
 
         Returns at the first refusal. Raises NoAnswerError if a node doesn't answer. `time_s` and
         hold are those of `ExecutionWatch`, for `wait`; by default as long as the goal is given.
         """
-        self._program_id = f"send-{uuid.uuid4().hex[:16]}"
+        self._program_id = program_id or f"send-{uuid.uuid4().hex[:16]}"
         self.answers, self._execution = Answers(), None
         window = window_s(text) if time_s is None else time_s
         self._watch = ExecutionWatch(self._program_id, window, hold_s)

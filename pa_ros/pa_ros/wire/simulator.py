@@ -198,9 +198,9 @@ def encode_state_request(state: SimState) -> srv.SetSimulationState.Request:
     return srv.SetSimulationState.Request(state=msg.SimulationState(state=int(state)))
 
 
-def encode_steps_request(steps: int) -> srv.StepSimulation.Request:
-    """Return the request for control periods of a paused arena."""
-    return srv.StepSimulation.Request(steps=steps)
+def encode_steps_goal(steps: int) -> action.SimulateSteps.Goal:
+    """Return the goal of control periods of a paused arena."""
+    return action.SimulateSteps.Goal(steps=steps)
 
 
 def encode_state_change(entity: str, place: Body) -> srv.SetEntityState.Request:
