@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import baseline_networks
+from benchmarks.samples import played, whole_episode
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.arena import (
@@ -39,8 +40,6 @@ from pa_ros.language import MIN_MAX, PRODUCT, Program, Word
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.protocols import LearningSettings
 from pa_ros.networks.errors import NetworkError
-from pa_ros.world import Trajectory
-from pa_ros.world.world import World
 
 FAMILIES = {"ours": "programmable", "true-properties": "true-properties", "canonical": "canonical"}
 OTHERS = ("film-transformer", "deep-sets", "sac")
@@ -200,7 +199,7 @@ def trained(method: str, options: argparse.Namespace, seed: int) -> tuple[Learne
     """A learner after `frames` frames, and its greedy policy."""
     arena, design = preset_named(options.preset), design_named(options.design)
     settings, world = settings_of(method, options.rates), world_of(arena, design)
-    task = ReachTask(arena, design, seed)
+    task, speeds = ReachTask(arena, design, seed), np.array(arena.joint_speed_limits)
     network = settings.network.for_world(world)
     learner = Learner(network, settings.learner, training_programs(design), seed, task.scoring)
     exploration = settings.learner.exploration
@@ -218,30 +217,18 @@ def trained(method: str, options: argparse.Namespace, seed: int) -> tuple[Learne
     for episode in range(options.frames // arena.episode_steps):
         if actor is not None:
             actor.load(learner.snapshot())
-        learner.consume(_trajectory(task, episode, behave, learner.counters.version, world))
+        actions: list[Float32] = []
+
+        def act(seen: Observation, actions: list[Float32] = actions) -> Float64:
+            actions.append(behave(seen, task.program))
+            return np.asarray(actions[-1].astype(np.float64) * speeds)
+
+        seen, rewards = played(task, episode, act)
+        objects, arm = [one.objects for one in seen], [world.arm(one) for one in seen]
+        made = task.program, objects, arm, actions, rewards, learner.counters.version
+        learner.consume(whole_episode(world, episode, *made))
     if actor is None:
         return learner, engine.greedy
     greedy = Actor(network, logic=MIN_MAX)
     greedy.load(learner.snapshot())
     return learner, greedy.act
-
-
-def _trajectory(task: ReachTask, episode: int, act: Act, version: int, world: World) -> Trajectory:
-    """Play a training episode."""
-    speeds = np.array(task.config.joint_speed_limits)
-    seen, verdict = task.reset(episode)
-    objects, arm = [seen.objects], [world.arm(seen)]
-    actions: list[Float32] = []
-    rewards: list[float] = []
-    while not verdict.truncated:
-        actions.append(act(seen, task.program))
-        seen, verdict = task.step(actions[-1].astype(np.float64) * speeds)
-        objects.append(seen.objects)
-        arm.append(world.arm(seen))
-        rewards.append(verdict.reward)
-    return Trajectory(
-        agent_id="baseline", sequence=episode, policy_version=version, episode=episode,
-        first_step=0, program=task.program, hand_index=0, objects=np.stack(objects),
-        arm=np.stack(arm), actions=np.stack(actions), rewards=np.array(rewards, np.float32),
-        ends_episode=True, terminated=False, world_digest=world.digest,
-    )  # fmt: skip

@@ -18,6 +18,7 @@ import torch
 
 from benchmarks.cost import Sizes, floor_us, update_cost
 from benchmarks.machine import measure_rates
+from benchmarks.samples import whole_episode
 from benchmarks.timing import Contender, measure
 from helpers.formulas import StraightforwardEngine
 from pa_ros.acting.actor import Actor
@@ -26,7 +27,6 @@ from pa_ros.arena.gym_env import ENV_ID
 from pa_ros.core.experience import Float32, Observation
 from pa_ros.core.text import Report
 from pa_ros.core.update import Batch, Engine
-from pa_ros.language import Program
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.config import LearnerConfig
@@ -36,7 +36,6 @@ from pa_ros.native import library as fused_library
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import initial_actor, initial_critic
-from pa_ros.world import Trajectory
 from pa_ros.world.schema import ObjectSchema
 
 Update = Callable[[Batch], None]
@@ -125,14 +124,24 @@ def bench_learner(
 
 def random_learner(network: NetworkConfig, config: LearnerConfig, sizes: Sizes) -> Learner:
     """A learner with random experience in its replay buffer and no update made."""
-    frames = TRAJECTORY_STEPS * TRAJECTORIES
+    steps, frames = TRAJECTORY_STEPS, TRAJECTORY_STEPS * TRAJECTORIES
     waiting = config.changed(**{"replay.warmup_frames": frames})
     programs = training_programs(design_named(DESIGN))
     learner = Learner(network, waiting, programs, seed=0)
     rng = np.random.default_rng(0)
     for sequence in range(TRAJECTORIES):
         program = programs[sequence % len(programs)]
-        learner.consume(_trajectory(rng, network, program, sizes.objects, sequence))
+        learner.consume(
+            whole_episode(
+                network.world,
+                sequence,
+                program,
+                _scenes(rng, network.world.schema, steps + 1, sizes.objects),
+                rng.normal(size=(steps + 1, network.world.arm_features)),
+                rng.uniform(-1, 1, (steps, network.world.actions)),
+                rng.choice([-1.0, 1.0], steps),
+            )
+        )
     return learner
 
 
@@ -253,25 +262,3 @@ def _scenes(rng: np.random.Generator, schema: ObjectSchema, count: int, objects:
     scenes[:, 0] = 0.0
     scenes[:, 0, 6] = 1.0
     return scenes
-
-
-def _trajectory(
-    rng: np.random.Generator, network: NetworkConfig, program: Program, objects: int, sequence: int
-) -> Trajectory:
-    steps = TRAJECTORY_STEPS
-    return Trajectory(
-        agent_id="bench",
-        sequence=sequence,
-        policy_version=0,
-        episode=sequence,
-        first_step=0,
-        program=program,
-        hand_index=0,
-        objects=_scenes(rng, network.world.schema, steps + 1, objects),
-        arm=rng.normal(size=(steps + 1, network.world.arm_features)).astype(np.float32),
-        actions=rng.uniform(-1, 1, (steps, network.world.actions)).astype(np.float32),
-        rewards=rng.choice([-1.0, 1.0], steps).astype(np.float32),
-        ends_episode=True,
-        terminated=False,
-        world_digest=network.world.digest,
-    )

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.learner import engine_of, repeated
+from benchmarks.samples import played, whole_episode
 from benchmarks.timing import Contender, measure
 from pa_ros.arena import (
     ReachTask,
@@ -104,28 +105,9 @@ def _learner(
     return learner
 
 
-def _episode(task: ReachTask, world: World, index: int) -> Trajectory:
+def _episode(task: ReachTask, world: World, number: int) -> Trajectory:
     """An episode in which the script pushes a block; its actions are any."""
-    seen, verdict = task.reset(index, "train")
-    observations, rewards = [seen], []
-    while not verdict.truncated:
-        seen, verdict = task.step(scripted_action(task))
-        observations.append(seen)
-        rewards.append(verdict.reward)
-    rng = np.random.default_rng(index)
-    return Trajectory(
-        agent_id="bench",
-        sequence=index,
-        policy_version=0,
-        episode=index,
-        first_step=0,
-        program=task.program,
-        hand_index=0,
-        objects=np.stack([one.objects for one in observations]),
-        arm=np.stack([world.arm(one) for one in observations]),
-        actions=rng.uniform(-1, 1, (len(rewards), world.actions)).astype(np.float32),
-        rewards=np.array(rewards, np.float32),
-        ends_episode=True,
-        terminated=False,
-        world_digest=world.digest,
-    )
+    seen, rewards = played(task, number, lambda _: scripted_action(task))
+    actions = np.random.default_rng(number).uniform(-1, 1, (len(rewards), world.actions))
+    objects, arm = [one.objects for one in seen], [world.arm(one) for one in seen]
+    return whole_episode(world, number, task.program, objects, arm, actions, rewards)

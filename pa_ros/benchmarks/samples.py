@@ -1,11 +1,17 @@
-"""The content of one control step, with the sizes that the paper's arena has."""
+"""Messages and trajectories to measure with."""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Callable
 
-from pa_ros.core.experience import Observation, Step, Verdict
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pa_ros.arena import ReachTask
+from pa_ros.core.experience import Float64, Observation, Step, Verdict
+from pa_ros.language import Program
 from pa_ros.wire.step import Command
+from pa_ros.world import Trajectory
 from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
 
@@ -24,3 +30,46 @@ def sample_step(seed: int = 0) -> tuple[Step, Command]:
     step = Step(observation, Verdict(-1.0, False, 0.4, False))
     action = rng.uniform(-1, 1, WORLD.actions).astype(np.float32)
     return step, Command(3, 7, 10**9, "agent", 1, action)
+
+
+def whole_episode(
+    world: World,
+    number: int,
+    program: Program,
+    objects: ArrayLike,
+    arm: ArrayLike,
+    actions: ArrayLike,
+    rewards: ArrayLike,
+    version: int = 0,
+) -> Trajectory:
+    """A trajectory of T steps: `objects` [T + 1, N, F], `arm` [T + 1, A], `actions` [T, J],
+    `rewards` [T]."""
+    return Trajectory(
+        "bench",
+        number,
+        version,
+        number,
+        0,
+        program,
+        0,
+        np.asarray(objects, np.float32),
+        np.asarray(arm, np.float32),
+        np.asarray(actions, np.float32),
+        np.asarray(rewards, np.float32),
+        ends_episode=True,
+        terminated=False,
+        world_digest=world.digest,
+    )
+
+
+def played(
+    task: ReachTask, number: int, act: Callable[[Observation], Float64]
+) -> tuple[list[Observation], list[float]]:
+    """Play a training episode by joint velocities (rad/s): all observations, and the rewards."""
+    seen, verdict = task.reset(number)
+    observations, rewards = [seen], []
+    while not verdict.truncated:
+        seen, verdict = task.step(act(seen))
+        observations.append(seen)
+        rewards.append(verdict.reward)
+    return observations, rewards
