@@ -1,14 +1,14 @@
 """A robot.yaml for the simulated Jaco, and the measurements that its sensors would send."""
 
-from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pa_ros.acting.actor import Actor
-from pa_ros.arena import Episode, Kind, condition_named, design_named, generate, preset_named
 from pa_ros.arena.simulation import Simulation
 from pa_ros.core.experience import Float64, Step
+from pa_ros.core.extensions import load
 from pa_ros.language import parse
 from pa_ros.wire.program import ProgramRequest
 from pa_ros.wire.step import Command
@@ -16,17 +16,9 @@ from sim_node.robot.arm import RealArm
 from sim_node.robot.frames import Placed
 from sim_node.robot.settings import read_robot
 
-KINDS = tuple(
-    Kind(color=color, shape=shape)
-    for color, shape in (
-        ("RED", "CUBE"),
-        ("GREEN", "CUBE"),
-        ("RED", "SPHERE"),
-        ("BLUE", "CYLINDER"),
-    )
-)
-NAMES = tuple(str(kind).lower().replace(" ", "_") for kind in KINDS)
-CONFIG, DESIGN = preset_named("fast"), design_named("3-D")
+(SIMULATED,) = load([str(Path(__file__).parents[2] / "docs/examples/simulated_arm.py")])
+KINDS, NAMES = tuple(SIMULATED.KINDS), tuple(SIMULATED.OBJECTS)
+CONFIG, DESIGN = SIMULATED.CONFIG, SIMULATED.DESIGN
 PERIOD_S = 0.1
 
 
@@ -48,20 +40,13 @@ def robot_values(**changes: Any) -> dict[str, Any]:
     return {**whole, **changes}
 
 
-def scene(index: int = 0) -> Episode:
-    """Objects of KINDS at the places of an episode."""
-    drawn = generate(CONFIG, DESIGN, condition_named("train", DESIGN), 0, index)
-    blocks = tuple(replace(b, kind=kind) for b, kind in zip(drawn.blocks, KINDS, strict=True))
-    return replace(drawn, blocks=blocks)
-
-
 class Rehearsal:
     """A RealArm whose sensors measure a simulated arm, in a time of its own."""
 
     def __init__(self, index: int = 0, **changes: Any) -> None:
         self.arm = RealArm(read_robot(robot_values(**changes)))
         self.plant = Simulation(CONFIG, DESIGN.schema)
-        self.plant.place(scene(index))
+        self.plant.place(SIMULATED.scene_of(index))
         self.now_s = 100.0
         self.lost: set[str] = set()  # names whose measurements don't arrive
         self.measure()

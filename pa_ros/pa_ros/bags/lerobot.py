@@ -28,8 +28,7 @@ from pa_ros.wire.arena import ArenaDescription
 
 VERSION = "v3.0"
 CHUNK = "chunk-{chunk_index:03d}/file-{file_index:03d}"
-PER_FILE = 500  # episodes of a file of data, some 25 MB
-PER_CHUNK = 1000  # files
+PER_CHUNK = 1000  # films
 CAMERA = "observation.images.top"
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 INDICES = ("timestamp", "frame_index", "episode_index", "index", "task_index")
@@ -78,7 +77,7 @@ def export_lerobot(
         raise BagError("export: expected whole episodes, got none", code="bag.foreign")
     objects = max(len(row.objects) for episode in chosen for row in episode.rows)
     tasks = {t: k for k, t in enumerate(dict.fromkeys(r.program for e in chosen for r in e.rows))}
-    start, rows, open_file = 0, list[dict[str, Any]](), list[Columns]()
+    start, rows, frames_of = 0, list[dict[str, Any]](), list[Columns]()
     for number, episode in enumerate(chosen):
         columns = _columns(episode, objects)
         frames = len(columns["action"])
@@ -90,14 +89,13 @@ def export_lerobot(
             "task_index": np.array([tasks[row.program] for row in episode.rows[:-1]]),
         }
         statistics = {name: _statistics(values) for name, values in columns.items()}
-        file = number // PER_FILE
         row = {
             "episode_index": number,
             "tasks": [*dict.fromkeys(row.program for row in episode.rows[:-1])],
             "length": frames,
             "dataset_from_index": start,
             "dataset_to_index": start + frames,
-            **_place("data", file),
+            **_place("data", 0),
             **_place("meta/episodes", 0),
         }
         if side_px is not None:
@@ -108,12 +106,10 @@ def export_lerobot(
             statistics[CAMERA] = _film(film, episode, arena, side_px)
         flat = {f"stats/{n}/{k}": v for n, found in statistics.items() for k, v in found.items()}
         rows.append({**row, **flat})
-        open_file.append(columns)
+        frames_of.append(columns)
         start += frames
-        if number + 1 == len(chosen) or (number + 1) % PER_FILE == 0:
-            joined = {name: np.concatenate([c[name] for c in open_file]) for name in columns}
-            _write_table(folder / f"data/{_file(file)}.parquet", joined)
-            open_file.clear()
+    joined = {name: np.concatenate([c[name] for c in frames_of]) for name in columns}
+    _write_table(folder / f"data/{_file(0)}.parquet", joined)
     features = _features(columns, arena, side_px, fps)
     _write_rows(folder / f"meta/episodes/{_file(0)}.parquet", rows)
     _write_tasks(folder / "meta/tasks.parquet", tasks)
