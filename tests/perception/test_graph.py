@@ -161,7 +161,10 @@ def test_an_agent_acts_by_what_camera_node_sees_and_holds_when_pictures_stop(
         assert probe.until(lambda: stopped in probe.message("camera_node"))
         probe.until(lambda: False, 1.0)  # what was under way has arrived
         before, commands = len(steps), probe.count(topics.JOINT_COMMANDS)
-        holds = lambda: int(probe.value("sim_node", "holds"))  # noqa: E731
+
+        def holds() -> int:
+            return int(probe.value("sim_node", "holds"))
+
         held = holds()
         assert probe.until(lambda: holds() > held + 5)
         assert (len(steps), probe.count(topics.JOINT_COMMANDS)) == (before, commands)
