@@ -100,10 +100,11 @@ Network make_trunk(int hidden, int attention, int arm_features, int actions,
                    const std::vector<float>& scale, const std::vector<int>& group_sizes,
                    const std::vector<Value>& words, bool detectors, bool hide_properties,
                    bool critic, float self_weight, int relations, bool min_max, bool roles,
-                   int upper_layers) {
+                   bool avoids, int upper_layers) {
     Network n = make_network(arm_features, actions, scale, group_sizes, words);
     n.hidden = hidden, n.attention = attention, n.self_weight = self_weight;
     n.relations = relations, n.min_max = min_max, n.roles = roles, n.upper = upper_layers;
+    n.avoids = avoids;
     n.detectors = detectors, n.hide_properties = hide_properties, n.critic = critic;
     check(n);
     return n;
@@ -159,7 +160,7 @@ Programs make_programs(const Network& network, const Array& op, const Array& a, 
     return {shape[0], shape[1], read<int32_t>("op", op, shape), read<int32_t>("a", a, shape),
             read<int32_t>("b", b, shape),
             read<int32_t>("relation", relation, {network.relations ? shape[0] : 0}),
-            read<int32_t>("roles", roles, {network.roles ? shape[0] : 0, 2})};
+            read<int32_t>("roles", roles, {network.sets() ? shape[0] : 0, 2})};
 }
 
 Targets make_targets(const Network& network, const Array& words) {
@@ -207,12 +208,12 @@ void bind_network(nb::module_& m) {
         .def_static("trunk", make_trunk, nb::kw_only(), "hidden"_a, "attention"_a, "arm_features"_a,
                     "actions"_a, "scale"_a, "group_sizes"_a, "words"_a, "detectors"_a,
                     "hide_properties"_a, "critic"_a, "self_weight"_a, "relations"_a = 0,
-                    "min_max"_a = false, "roles"_a = false, "upper_layers"_a = 0,
+                    "min_max"_a = false, "roles"_a = false, "avoids"_a = false, "upper_layers"_a = 0,
                     "A programmable one. `scale`: of each feature of an object. `words`: the first "
                     "feature of each one's value, its numbers as scaled, and how near is near; no "
                     "numbers: true of nothing. `relations`: 0 where programs ask for one alone. "
                     "`min_max`: what AND and OR of degrees are, of an actor that doesn't learn. `roles`: "
-                    "programs say what is moved and where to.")
+                    "programs say what is moved and where to; `avoids`: what is avoided.")
         .def_static("canonical", make_canonical, nb::kw_only(), "hidden"_a, "arm_features"_a,
                     "actions"_a, "scale"_a, "group_sizes"_a, "words"_a, "slots"_a, "critic"_a,
                     "An MLP. `slots`: the words, one of each group, of the block that fills each.")
@@ -221,6 +222,7 @@ void bind_network(nb::module_& m) {
         .def_ro("words", &Network::words)
         .def_ro("relations", &Network::relations)
         .def_ro("upper_layers", &Network::upper)
+        .def_prop_ro("avoids", [](const Network& n) { return n.avoids != 0; })
         .def_ro("object_features", &Network::object_features)
         .def_ro("actions", &Network::actions)
         .def_prop_ro("detectors", [](const Network& n) { return n.detectors != 0; })
@@ -231,6 +233,7 @@ void bind_network(nb::module_& m) {
         .def_ro("columns", &Layout::columns)
         .def_ro("rows", &Layout::rows)
         .def_ro("local", &Layout::local)
+        .def_ro("avoid", &Layout::avoid)
         .def_ro("receiver", &Layout::receiver)
         .def_ro("sender", &Layout::sender)
         .def_ro("query", &Layout::query)

@@ -26,6 +26,7 @@ void check_pair(const Network& actor, const Network& critic) {
     check_range("critic's attention", critic.attention, actor.attention, actor.attention);
     check_range("critic's relations", critic.relations, actor.relations, actor.relations);
     check_range("critic's roles", critic.roles, actor.roles, actor.roles);
+    check_range("critic's avoids", critic.avoids, actor.avoids, actor.avoids);
     check_range("critic's upper layers", critic.upper, actor.upper, actor.upper);
     check_range("critic's words", critic.words, actor.words, actor.words);
     check_range("critic's groups", critic.groups, actor.groups, actor.groups);
@@ -66,7 +67,7 @@ void check(const Programs& p, const Network& network) {
         }
     for (int64_t row = 0; network.relations && row < p.rows; row++)
         check_range("relation of a program", p.relation[row], 0, network.relations - 1);
-    for (int64_t i = 0; network.roles && i < 2 * p.rows; i++)
+    for (int64_t i = 0; network.sets() && i < 2 * p.rows; i++)
         check_range("register of a role", p.roles[i], 0, network.words + p.length);
 }
 
@@ -101,7 +102,7 @@ void Engine::set_programs(const Programs& p) {
     const int64_t size = p.rows * p.length;
     op_.assign(p.op, p.op + size), a_.assign(p.a, p.a + size), b_.assign(p.b, p.b + size);
     relation_.assign(p.relation, p.relation + (actor_.shape.relations ? p.rows : 0));
-    roles_.assign(p.roles, p.roles + (actor_.shape.roles ? 2 * p.rows : 0));
+    roles_.assign(p.roles, p.roles + (actor_.shape.sets() ? 2 * p.rows : 0));
     rows_ = p.rows, length_ = p.length;
 }
 

@@ -48,7 +48,8 @@ class Act final : public ActorKernel {
         : net_{&shape_, layout_of(shape), parameters}, shape_(shape) {
         const Layout& l = net_.l;
         const WorkSize size{1, 1, objects, 1, length, shape.words, shape.object_features,
-                            shape.arm_features, shape.relations, shape.roles, shape.upper, l.columns, l.hidden, l.inputs};
+                            shape.arm_features, shape.relations, shape.roles, shape.upper,
+                            shape.avoids, l.columns, l.hidden, l.inputs};
         Arena arena{nullptr, 0};
         carve(work_, arena, size);
         memory_ = Buffer(arena.used);

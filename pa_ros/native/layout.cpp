@@ -16,7 +16,7 @@ void lay_out_heads(Layout& l, const Network& n, int64_t from) {
 
 Layout mlp_layout_of(const Network& n) {
     Layout l{};
-    l.hidden = l.columns = padded(n.hidden);
+    l.hidden = l.columns = padded(n.hidden), l.parts = 1;
     l.inputs = (1 + n.slots) * n.object_features + n.arm_features;
     l.second = (l.inputs + n.words + 1) * l.hidden;
     l.second_bias = l.second + l.hidden * l.hidden;
@@ -30,14 +30,15 @@ Layout layout_of(const Network& n) {
     Layout l{};
     if (n.canonical) return mlp_layout_of(n);
     const int64_t h = l.hidden = padded(n.hidden), a = l.attention = padded(n.attention);
-    l.local = 0, l.receiver = h, l.sender = 2 * h, l.query = 3 * h, l.context = 3 * h + a;
-    l.detectors = 3 * h + 2 * a;
+    l.parts = n.avoids ? 3 : 2;
+    l.local = 0, l.avoid = h, l.receiver = n.avoids ? 2 * h : h, l.sender = l.receiver + h;
+    l.query = l.sender + h, l.context = l.query + a, l.detectors = l.context + a;
     l.columns = l.detectors + (n.detectors ? padded(n.words) : 0);
     l.first = 0, l.rows = n.object_features + n.arm_features + 1;
     l.attention_weight = l.first + l.rows * l.columns;
     l.relation = l.attention_weight + a;
     l.second = l.relation + n.relations * h;
-    l.second_bias = l.second + 2 * h * h;
+    l.second_bias = l.second + l.parts * h * h;
     l.upper = l.second_bias + 2 * h;
     lay_out_heads(l, n, l.upper + n.upper * (h + 1) * h);
     return l;
@@ -58,6 +59,7 @@ void check(const Network& n) {
     }
     check_range("relations", n.relations, 0, n.canonical ? 0 : kMaxRelations);
     check_range("roles", n.roles, 0, n.canonical ? 0 : 1);
+    check_range("avoids", n.avoids, 0, n.canonical || n.roles || n.relations ? 0 : 1);
     check_range("upper layers", n.upper, 0, n.canonical ? 0 : kMaxUpper);
     if (n.canonical) {
         check_range("slots", n.slots, 1, kMaxSlots);

@@ -49,20 +49,23 @@ struct Network {
     float scale[kMaxFeatures];
     float self_weight;  // multiplies exp α̃_ii
     int32_t roles;  // 1: programs say what is moved and where to (docs/DESIGN.md, "Roles")
+    int32_t avoids;  // 1: programs say what is avoided (docs/DESIGN.md, "Avoiding")
     int32_t upper;  // layers between h and the output
     int32_t relations;  // that programs may ask for; 0 where there is one alone, which adds nothing
     int32_t canonical;  // 1: an MLP of the flattened Ω; attention and detectors are 0
     int32_t slots;      // of that: slot i is of the objects of which these words are true
     int32_t slot_word[kMaxSlots][kMaxGroups];
+
+    bool sets() const { return roles || avoids; }  // two registers of each program are told
 };
 
 // Offsets and sizes in floats. Rows are input-major ([in][out]): a torch weight is the transpose.
 //   first        [rows][columns] row: object features, arm features, bias; columns: local.0,
-//                                message.0 of the receiver (with its bias), message.0 of the sender
+//                                avoid.0 where there is one, message.0 of the receiver (with its bias), message.0 of the sender
 //                                (bias always 0), query, context, detectors, each padded
 //   attention    [A]
 //   relation     [R][H]          what each adds to message.0, where there are several
-//   second       [2H][H]         local.1, then message.1
+//   second       [2H or 3H][H]   local.1, message.1, then avoid.1 where there is one
 //   second_bias  [2][H]          local.1, then message.1
 //   upper        [U][H + 1][H]   each layer between h and the output, then its bias
 //   action       [J + 1][H]      critic: J inputs, then the bias
@@ -75,7 +78,8 @@ struct Network {
 // H and A are padded; the padding is zero and stays zero.
 struct Layout {
     int64_t hidden, attention, columns, rows;
-    int64_t local, receiver, sender, query, context, detectors;  // first columns within `first`
+    int64_t parts;  // layers in `second`
+    int64_t local, avoid, receiver, sender, query, context, detectors;  // first columns within `first`
     int64_t first, attention_weight, relation, second, second_bias, upper, action, output, output_bias, size;
     int64_t inputs;  // canonical: of the flattened Ω without the target
 };

@@ -34,8 +34,7 @@ struct Learner {
     Buffer memory;
 };
 
-// Of `second`: an MLP has one such layer, the trunk two.
-inline int64_t second_rows(const Layout& l) { return (l.inputs ? 1 : 2) * l.hidden; }
+inline int64_t second_rows(const Layout& l) { return l.parts * l.hidden; }
 
 inline Net net_of(const Network& shape, const float* parameters) {
     return {&shape, layout_of(shape), parameters};
@@ -59,7 +58,7 @@ inline int64_t carve_learner(Learner& g, float* base) {
     const Layout actor = layout_of(g.actor_shape), critic = layout_of(g.critic_shape);
     WorkSize size{g.chunk, g.block, g.objects, g.programs, g.length, g.actor_shape.words,
                   g.actor_shape.object_features, g.actor_shape.arm_features, g.actor_shape.relations,
-                  g.actor_shape.roles, g.actor_shape.upper,
+                  g.actor_shape.roles, g.actor_shape.upper, g.actor_shape.avoids,
                   actor.columns > critic.columns ? actor.columns : critic.columns, actor.hidden,
                   actor.inputs};
     const int64_t square = second_rows(actor) * actor.hidden, rows = (int64_t)g.batch * g.programs;

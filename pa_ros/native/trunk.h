@@ -3,6 +3,7 @@
 // What does not depend on the program (first layers, α̃, tanh of messages) is computed once per
 // sample whatever K. In sums over pairs j (sender) is the row and i (receiver) the lane.
 #pragma once
+#include "avoid.h"
 #include "gemm.h"
 #include "program.h"
 #include "relations.h"
@@ -21,7 +22,7 @@ struct StartMass {  // row m starts from Σp · (local.1.bias + message.1.bias)
     }
 };
 
-// In place: tanh for local; for the four kinds that meet in pairs, exponentials (see simd.h).
+// In place: tanh for local and avoid; for the four kinds that meet in pairs, exponentials (see simd.h).
 // Returns the largest |x| of those and `largest`.
 inline vf activate(const Layout& l, float* row, vf largest) {
     for (int64_t c = 0; c < l.receiver; c += W) store(row + c, tanh_of(load(row + c)));
@@ -106,7 +107,7 @@ void pool(const Net& net, Work& w, int64_t s) {
     const int64_t per_program = (int64_t)n * w.lanes, sk = s * programs;
     const float *first = w.first_of(s, l.columns), *receiver = first + l.receiver;
     const float *p = w.relevant + sk * w.lanes, *weight = w.weight + sk * per_program;
-    float* out = w.pooled + sk * 2 * l.hidden;
+    float* out = w.pooled + sk * l.parts * l.hidden;
     for (int64_t c = 0; c < l.hidden; c += W, first += W, receiver += W, out += W) {
         const float* sender = receiver + (l.sender - l.receiver);
         vf local[KT ? KT : kMaxPrograms], message[KT ? KT : kMaxPrograms];
@@ -121,8 +122,8 @@ void pool(const Net& net, Work& w, int64_t s) {
             }
         }
         for (int k = 0; k < programs; k++) {
-            store(out + k * 2 * l.hidden, local[k]);
-            store(out + k * 2 * l.hidden + l.hidden, message[k]);
+            store(out + k * l.parts * l.hidden, local[k]);
+            store(out + k * l.parts * l.hidden + l.hidden, message[k]);
         }
     }
 }
@@ -162,9 +163,11 @@ inline void forward_block(const Net& net, Work& w, const int32_t* programs, int6
             } else {
                 weigh(w, s, sk);
             }
+            if (net.shape->avoids) assign_avoided(net, w, s, sk, programs[sk]);
         }
         if (net.shape->relations) pool_relations(net, w, programs, s);
         else pool_sample(net, w, s);
+        if (net.shape->avoids) pool_avoided(net, w, s);
     }
 }
 
@@ -176,11 +179,13 @@ inline void trunk_forward(const Net& net, Work& w, const int32_t* programs, int 
     relation_factors(net, w);
     for (int from = 0; from < count; from += w.block)
         forward_block(net, w, programs, from, count - from < w.block ? count - from : w.block);
-    const int64_t pairs = (int64_t)count * w.programs, h = l.hidden;
+    const int64_t pairs = (int64_t)count * w.programs, h = l.hidden, each = l.parts * h;
     const float* second = net.p + l.second;
-    multiply(pairs, h, net.shape->hidden, {w.pooled, 2 * h, 1}, second, h, w.h, h,
+    multiply(pairs, h, net.shape->hidden, {w.pooled, each, 1}, second, h, w.h, h,
              StartMass{w.mass, net.p + l.second_bias, h});
-    multiply_add(pairs, h, net.shape->hidden, {w.pooled + h, 2 * h, 1}, second + h * h, h, w.h, h);
+    for (int64_t part = 1; part < l.parts; part++)
+        multiply_add(pairs, h, net.shape->hidden, {w.pooled + part * h, each, 1}, second + part * h * h,
+                     h, w.h, h);
 }
 
 }  // namespace pa::PA_LEVEL

@@ -14,7 +14,7 @@ void pool_backward(const Net& net, Work& w, int64_t s) {
     const int64_t per_program = (int64_t)n * w.lanes, sk = s * programs, dots = w.dots_per_program();
     float *first = w.first_of(s, l.columns), *receiver = first + l.receiver;
     const float *p = w.relevant + sk * w.lanes, *weight = w.weight + sk * per_program;
-    const float *dpooled = w.dpooled + sk * 2 * l.hidden, *dh = w.dh + sk * l.hidden;
+    const float *dpooled = w.dpooled + sk * l.parts * l.hidden, *dh = w.dh + sk * l.hidden;
     const float* bias = net.p + l.second_bias;
     vf dreceiver[kMaxObjects], dlocal[KT ? KT : kMaxPrograms], dmessage[KT ? KT : kMaxPrograms];
     for (int64_t d = 0; d < programs * dots; d++) w.dots[d] = vf{};
@@ -22,8 +22,8 @@ void pool_backward(const Net& net, Work& w, int64_t s) {
         float* sender = receiver + (l.sender - l.receiver);
         const vf biases = load(bias + c) + load(bias + l.hidden + c);
         for (int k = 0; k < programs; k++) {
-            dlocal[k] = load(dpooled + k * 2 * l.hidden + c);
-            dmessage[k] = load(dpooled + k * 2 * l.hidden + l.hidden + c);
+            dlocal[k] = load(dpooled + k * l.parts * l.hidden + c);
+            dmessage[k] = load(dpooled + (k * l.parts + 1) * l.hidden + c);
             w.dots[k * dots + n * n + n] += load(dh + k * l.hidden + c) * biases;
         }
         for (int i = 0; i < n; i++) dreceiver[i] = vf{};
@@ -122,6 +122,7 @@ inline void sample_backward(const Net& net, Work& w, const int32_t* programs, in
                             float* gradient) {
     const Layout& l = net.l;
     const int words = net.shape->words, n = w.objects;
+    if (net.shape->avoids) pool_avoided_backward(net, w, s);
     if (net.shape->relations) pool_relations_backward(net, w, programs, s, gradient);
     else pool_backward_for(w.programs)(net, w, s);
     for (int i = 0; i < n * w.lanes; i++) w.dscore[i] = 0.0f;
@@ -130,6 +131,7 @@ inline void sample_backward(const Net& net, Work& w, const int32_t* programs, in
         const int64_t sk = s * w.programs + k;
         if (net.shape->roles) pairs_backward(net, w, k, sk, programs[sk]);
         else weigh_backward(net, w, k, sk);
+        if (net.shape->avoids) avoided_backward(net, w, k, programs[sk]);
         run_program_backward(net, w, s, sk, programs[sk]);
     }
     attend_backward(net, w, s, gradient);
@@ -143,17 +145,17 @@ inline void sample_backward(const Net& net, Work& w, const int32_t* programs, in
     }
 }
 
-// Adds the trunk's gradients, given w.dh. `second_t` is `second` transposed, [H, 2H].
+// Adds the trunk's gradients, given w.dh. `second_t` is `second` transposed, [H, 2H or 3H].
 inline void trunk_backward(const Net& net, Work& w, const int32_t* programs, int count,
                            const float* second_t, float* gradient) {
     const Layout& l = net.l;
     const int64_t pairs = (int64_t)count * w.programs;
-    const int64_t h = l.hidden, c = l.columns, size = net.shape->hidden;
+    const int64_t h = l.hidden, c = l.columns, size = net.shape->hidden, each = l.parts * h;
     const int64_t features = net.shape->object_features, arms = net.shape->arm_features + 1;
     float* second = gradient + l.second;
-    multiply(pairs, 2 * h, size, {w.dh, h, 1}, second_t, 2 * h, w.dpooled, 2 * h, FromZero{});
-    multiply_add(size, h, pairs, {w.pooled, 1, 2 * h}, w.dh, h, second, h);
-    multiply_add(size, h, pairs, {w.pooled + h, 1, 2 * h}, w.dh, h, second + h * h, h);
+    multiply(pairs, each, size, {w.dh, h, 1}, second_t, each, w.dpooled, each, FromZero{});
+    for (int64_t part = 0; part < l.parts; part++)
+        multiply_add(size, h, pairs, {w.pooled + part * h, 1, each}, w.dh, h, second + part * h * h, h);
     multiply_add(1, h, pairs, {w.mass, 0, 1}, w.dh, h, gradient + l.second_bias, h);
     float* first = gradient + l.first;
     for (int64_t from = 0; from < count; from += w.block) {

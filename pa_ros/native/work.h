@@ -37,10 +37,11 @@ struct Work {
     float* mass;             // [S·K]: Σ p
     float* senders;          // roles: [S·K, lanes]: p2
     float *moved, *drole;    // roles: [S·K, lanes]: p1; [2, lanes]: ∂/∂ p1 and p2
+    float *avoided, *davoided;  // [S·K, lanes]: p_avoid; [K, N]: its gradient, of one sample
     float* attend;           // [S, N(j), lanes(i)]: exp α̃_ij
     float* share;            // [S·K, N(j), lanes(i)]: exp α̃_ij / Σ_k p_k exp α̃_ik
     float* weight;           // [S·K, N(j), lanes(i)]: p_i α_ij
-    float *pooled, *dpooled; // [S·K, 2H]: Σ p_i tanh f0_i, then Σ p_i α_ij tanh r0_ij
+    float *pooled, *dpooled; // [S·K, 2H]: Σ p_i tanh f0_i, Σ p_i α_ij tanh r0_ij; third: Σ p_avoid_i tanh a0_i
     float *h, *dh, *z;       // [S·K, H]
     float *action, *daction; // [S·K, 16]
     float* q;                // [S·K]
@@ -56,7 +57,7 @@ struct Work {
     const int32_t *op, *a, *b;  // the program table, rows of `length`
     const int32_t* target;      // of canonical networks instead: rows of two words
     const int32_t* relation;    // of each program
-    const int32_t* roles;       // two registers of each program
+    const int32_t* roles;       // two registers of each program; that of what it avoids is the second
     int64_t length, capacity;   // instructions a program has now, and at most
 
     float* first_of(int64_t s, int64_t columns) const {
@@ -66,7 +67,7 @@ struct Work {
 };
 
 struct WorkSize {
-    int samples, block, objects, programs, length, words, object_features, arm_features, relations, roles, upper;
+    int samples, block, objects, programs, length, words, object_features, arm_features, relations, roles, upper, avoids;
     int64_t columns, hidden, inputs;  // inputs: 0 unless canonical
 };
 
@@ -104,9 +105,11 @@ inline void carve(Work& w, Arena& arena, const WorkSize& z) {
     w.relevant = arena.take(sk * lanes), w.mass = arena.take(sk);
     w.senders = arena.take(z.roles * sk * lanes);
     w.moved = arena.take(z.roles * sk * lanes), w.drole = arena.take(z.roles * 2 * lanes);
+    w.avoided = arena.take(z.avoids * sk * lanes), w.davoided = arena.take(z.avoids * (k * n + 2 * lanes));
     w.attend = arena.take(s * n * lanes);
     w.share = arena.take(sk * n * lanes), w.weight = arena.take(sk * n * lanes);
-    w.pooled = arena.take(sk * 2 * z.hidden), w.dpooled = arena.take(sk * 2 * z.hidden);
+    const int64_t parts = 2 + z.avoids;
+    w.pooled = arena.take(sk * parts * z.hidden), w.dpooled = arena.take(sk * parts * z.hidden);
     const int64_t dots = k * (n * n + n + 1);
     w.sums = arena.take(dots + 2 * lanes), w.dots = (vf*)arena.take((dots + n) * W);
     w.dregister = arena.take((z.words + 1 + z.length) * lanes);

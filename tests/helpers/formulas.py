@@ -117,6 +117,7 @@ def trunk(network: NetworkConfig, named: Named, seen: Scenes) -> Tensor:
 
     exp α̃_ii is multiplied by `self_weight`; of an r that hears nothing, its last bias remains.
     Where programs move objects, pairs are weighed by p1_i p2_j exp α̃_ij, as shares of their sum.
+    What is avoided adds Σ p_avoid_i a(ω_i).
     """
     (p, targets), n = roles(network, named, seen), seen.objects.shape[1]
     w = columns(network, seen)
@@ -141,7 +142,25 @@ def trunk(network: NetworkConfig, named: Named, seen: Scenes) -> Tensor:
         return (pairs[..., None] * told).sum((2, 3))
     nothing = (total == 0) * named["message.1.bias"]
     told = (alpha[..., None] * r).sum(3) + nothing
-    return torch.einsum("bki,bkih->bkh", p, mlp(named, "local", w)[:, None] + told)
+    h = torch.einsum("bki,bkih->bkh", p, mlp(named, "local", w)[:, None] + told)
+    return h + avoided(network, named, seen, w) if "avoid.1.weight" in named else h
+
+
+def avoided(network: NetworkConfig, named: Named, seen: Scenes, w: Tensor) -> Tensor:
+    """What h has of the objects that each program avoids, [B, K, H]."""
+    phi = properties(network, named, seen)
+    blocks = torch.ones_like(seen.objects[..., 0])
+    blocks[:, seen.hand_index] = 0.0
+    logic = seen.logic
+    p = torch.stack(
+        [
+            blocks * (0.0 if one.avoided is None else degree(one.avoided, phi.__getitem__, logic))
+            for one in seen.programs
+        ],
+        1,
+    )[torch.arange(len(blocks))[:, None], seen.row]  # [B, K, N]
+    told = torch.tanh(linear(named, "avoid.0", w)) @ named["avoid.1.weight"].T
+    return torch.einsum("bki,bih->bkh", p, told)
 
 
 def added(network: NetworkConfig, named: Named, seen: Scenes) -> Tensor:

@@ -65,6 +65,8 @@ std::vector<Case> cases(int hidden, int attention, int actions) {
     several.first.relations = several.second.relations = 3;
     auto moving = both;
     moving.first.roles = moving.second.roles = 1, moving.first.upper = moving.second.upper = 2;
+    auto avoiding = hides;
+    avoiding.first.avoids = avoiding.second.avoids = 1;
     const auto distilled = of(true, false, false), truth = of(false, false, false);
     return {{"programmable", both.first, both.second},
             {"hidden properties", hides.first, hides.second},
@@ -72,7 +74,8 @@ std::vector<Case> cases(int hidden, int attention, int actions) {
             {"true properties", truth.first, truth.second},
             {"canonical", canonical(hidden, actions, false), canonical(hidden, actions, true)},
             {"several relations", several.first, several.second},
-            {"roles and upper layers", moving.first, moving.second}};
+            {"roles and upper layers", moving.first, moving.second},
+            {"what is avoided", avoiding.first, avoiding.second}};
 }
 
 std::vector<bool> weights_of(const Network& n) {
@@ -92,8 +95,9 @@ std::vector<bool> weights_of(const Network& n) {
         if (n.detectors) mark(l.detectors, l.rows, n.words, l.columns);
         mark(l.attention_weight, 1, n.attention, l.attention);
         mark(l.relation, n.relations, n.hidden, l.hidden);
-        for (int64_t at : {l.second, l.second + l.hidden * l.hidden})
-            mark(at, n.hidden, n.hidden, l.hidden);
+        if (n.avoids) mark(l.avoid, l.rows, n.hidden, l.columns);
+        for (int64_t part = 0; part < l.parts; part++)
+            mark(l.second + part * l.hidden * l.hidden, n.hidden, n.hidden, l.hidden);
         mark(l.second_bias, 2, n.hidden, l.hidden);
         for (int64_t at = l.upper; at < l.action; at += (l.hidden + 1) * l.hidden)
             mark(at, n.hidden, n.hidden, l.hidden), mark(at + l.hidden * l.hidden, 1, n.hidden, l.hidden);

@@ -19,6 +19,7 @@ from pa_ros.networks.detectors import degrees
 from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import Tensors, actor_shapes, check_tensors
+from pa_ros.world.comparisons import choose
 from pa_ros.world.scoring import Score, Scoring
 
 if TYPE_CHECKING:  # it loads torch, which the fused code does not need
@@ -111,6 +112,10 @@ class Actor:
         if self._inference is None:
             raise ActingError("policy: expected weights before acting, got none")
         arm = self._arm(observation)
+        if program.compares:
+            shown = [i for i, kept in enumerate(self._wins(observation, program)) if kept]
+            objects, hand = observation.objects[shown], shown.index(observation.hand_index)
+            return self._inference.act(objects, arm, program.sets_alone, hand)
         return self._inference.act(observation.objects, arm, program, observation.hand_index)
 
     def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
@@ -125,7 +130,11 @@ class Actor:
         rows = self.network.vocabulary.row
         hand = observation.hand_index
         bodiless = self.network.vocabulary.bodiless
-        return tuple(relevance(program, phi.tolist(), rows, hand, self.logic, bodiless))
+        p = relevance(program.relation_alone, phi.tolist(), rows, hand, self.logic, bodiless)
+        if program.compares:
+            wins = self._wins(observation, program)
+            p = [one if kept else 0.0 for one, kept in zip(p, wins, strict=True)]
+        return tuple(p)
 
     def judge(self, observation: Observation, scoring: Scoring) -> Callable[[Program], Score]:
         """Scores of a state by the agent's own judgement: programs mean the objects to which they
@@ -133,10 +142,25 @@ class Actor:
 
         Raises NetworkError for networks without degrees, and what `act` raises.
         """
+        sets_of = self._meant(observation)
+
+        def score(program: Program) -> Score:
+            seen, pose = observation.objects, observation.hand_pose
+            moved, targets = (
+                choose(comparison, one, seen, pose)
+                for comparison, one in zip(program.chosen, sets_of(program), strict=True)
+            )
+            pair = None if program.moves_hand else moved
+            return scoring.of_targets(targets, seen, program.relation, pose, pair)
+
+        return score
+
+    def _meant(self, observation: Observation) -> Callable[[Program], list[list[int]]]:
+        """The objects of a program's two sets, before any comparison."""
         if not family_of(self.network).evaluates_programs:
             raise NetworkError(
-                f"{self.network.family} networks: expected a verifier, since they don't say which "
-                "objects a program means",
+                f"{self.network.family} networks: expected a verifier and no comparison, since "
+                "they don't say which objects a program means",
                 code="networks.unsupported_program",
             )
         phi = degrees(
@@ -144,18 +168,23 @@ class Actor:
         ).tolist()
         vocabulary, hand = self.network.vocabulary, observation.hand_index
 
-        def score(program: Program) -> Score:
-            sets = role_relevance(
-                program, phi, vocabulary.row, hand, self.logic, vocabulary.bodiless
+        def sets(program: Program) -> list[list[int]]:
+            found = role_relevance(
+                program.relation_alone, phi, vocabulary.row, hand, self.logic, vocabulary.bodiless
             )
-            moved, targets = (
-                [i for i, p in enumerate(one) if p > 0.0 and p >= MEANT * max(one)] for one in sets
-            )
-            pair = None if program.moves_hand else moved
-            seen, pose = observation.objects, observation.hand_pose
-            return scoring.of_targets(targets, seen, program.relation, pose, pair)
+            return [
+                [i for i, p in enumerate(one) if p > 0.0 and p >= MEANT * max(one)] for one in found
+            ]
 
-        return score
+        return sets
+
+    def _wins(self, observation: Observation, program: Program) -> list[bool]:
+        """Whether a program's comparisons choose each object, or don't concern it. Networks know
+        p, but not whose place comes first: they are not shown what was not chosen."""
+        lost: set[int] = set()
+        for comparison, one in zip(program.chosen, self._meant(observation)(program), strict=True):
+            lost |= {*one} - {*choose(comparison, one, observation.objects, observation.hand_pose)}
+        return [i not in lost for i in range(len(observation.objects))]
 
     def _arm(self, observation: Observation) -> Float32:
         """Arm part of Ω, [A]; ActingError for an observation of another size than the weights'."""

@@ -141,7 +141,7 @@ class Agent:
         if self._actor is not None:
             network = self._actor.network
             for program in stages(goal):
-                family_of(network).check(program, network.vocabulary)
+                family_of(network).check(program.sets_alone, network.vocabulary)
 
     def check_world(self, world: World) -> None:
         """Raise ActingError if the weights expect other objects, or another arm."""

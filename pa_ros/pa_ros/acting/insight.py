@@ -88,7 +88,7 @@ class Insight:
         if program is None:
             return Explanation(self._version, labels, words, phi, np.zeros(0), ())
         hand, bodiless = observation.hand_index, self._vocabulary.bodiless
-        p = relevance(program, phi.tolist(), row, hand, self._logic, bodiless)
+        p = relevance(program.relation_alone, phi.tolist(), row, hand, self._logic, bodiless)
         values = {word: phi[row[word]].astype(np.float64) for word in program.words}
         values[HAND.name] = (np.arange(phi.shape[1]) == hand).astype(np.float64)
         # Nobody needs an explanation of the hand, so the tree is that of the target alone.

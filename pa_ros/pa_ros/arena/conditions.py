@@ -31,9 +31,12 @@ from pa_ros.language import (
     parse,
     satisfying,
 )
+from pa_ros.language.syntax import COMPARISONS, NEAR
 
 SEVERAL = (1, 2, 3)  # blocks named in the conditions `several-…`; `several-all` names all
 CHAINS = (2, 4, 8)  # programs of a THEN
+# Comparisons: the condition, blocks on the table, and how many of them are compared.
+COMPARED = (("compare", 4, 2), ("compare-8", 8, 4))
 DEPTHS = (3, 4, 5, 6)  # depths of the longer programs; training programs are 2 deep
 NEAR_STARTS = 0.5  # in training: then random actions push the block, and learning can begin
 TRIES = 10_000  # draws of a longer program before it is given up
@@ -70,11 +73,17 @@ class Condition:
     combinations: bool | None = None
     depth: int = 0  # 0: a conjunction of the terms; else a random program of this depth
     named: int = 0  # blocks that a program of one word, NOT or OR names; 0: a program of the terms
+    compares: bool = False  # of the named blocks one is meant, by a comparison
     moved: tuple[Kind, ...] = ()  # blocks to be moved; empty: the hand
     moved_terms: Mapping[str, Term] = field(default_factory=dict)  # how programs name them
     # "moved", "target": its argument is an OR with another present object
     either: tuple[str, ...] = ()
     chain: int = 0  # programs of a THEN; 0: a single program
+    avoided: tuple[
+        Kind, ...
+    ] = ()  # from which the set to avoid is drawn; empty: nothing is avoided
+    avoids: str = "one"  # of them; "or": two of them; "not": all but the target
+    avoiding: float = 1.0  # share of episodes that avoid something
     near_starts: float = 0.0  # share of episodes that start with the hand beside the moved block
 
     def __post_init__(self) -> None:
@@ -151,7 +160,10 @@ def program_for(
         expression, named = choices[int(rng.integers(len(choices)))]
         rest = [kind for kind in named if kind != target]
         also = [rest[i] for i in rng.permutation(len(rest))[: condition.named - 1]]
-        return Program(expression, relation), tuple(also)
+        if not condition.compares:
+            return Program(expression, relation), tuple(also)
+        comparison = COMPARISONS[int(rng.integers(len(COMPARISONS)))]
+        return Program(expression, relation, chosen=("", comparison)), tuple(also)
     terms, required = _terms(design, target, condition.terms, rng)
     return _program(design, relation, *terms), tuple(required)
 
@@ -185,6 +197,22 @@ def chain_for(
     drawn = [program_for(condition, design, target, rng) for target in targets]
     required = [kind for _, needed in drawn for kind in needed]
     return Then(tuple(program for program, _ in drawn)), [*dict.fromkeys((*targets, *required))]
+
+
+def avoiding(
+    condition: Condition, design: Design, program: Program, target: Kind, rng: np.random.Generator
+) -> tuple[Program, list[Kind]]:
+    """A program with a set to avoid, as a condition says, and the blocks that the set needs."""
+    if condition.avoided and rng.random() >= condition.avoiding:
+        return program, []
+    others = [kind for kind in condition.avoided if kind != target]
+    count = 2 if condition.avoids == "or" else 1
+    chosen = [others[i] for i in rng.permutation(len(others))[:count]]
+    parts = [_program(design, NEAR, *kind.values()).target for kind in chosen]
+    avoided = parts[0] if len(parts) == 1 else Or(tuple(parts))
+    if condition.avoids == "not":
+        avoided = Not(program.target)
+    return replace(program, avoided=avoided), chosen
 
 
 def moving_program(
@@ -281,7 +309,17 @@ def _conditions(design: Design) -> dict[str, Condition]:
     zero_shot = design.held_out or design.train
     varied = [group for group, values in design.values.items() if len(values) > 1]
     trained = tuple(kind for kind in design.train if _asked(design, kind, (), False))
-    found = [Condition("train", trained, pool, n, combinations=False)]
+    sets = trained if design.vocabulary.avoids else ()
+    found = [Condition("train", trained, pool, n, combinations=False, avoided=sets, avoiding=0.5)]
+    if design.vocabulary.avoids:
+        found += [
+            Condition("avoid", zero_shot, pool, n, avoided=zero_shot),
+            Condition("avoid-train", trained, pool, n, avoided=trained),
+            Condition("avoid-target", zero_shot, pool, n, avoided=trained),
+            Condition("avoid-set", trained, pool, n, avoided=zero_shot),
+            Condition("avoid-or", zero_shot, pool, n, avoided=pool, avoids="or"),
+            Condition("avoid-not", zero_shot, pool, n, avoided=pool, avoids="not"),
+        ]
     if design.held_out:
         found.append(Condition("eval", design.held_out, pool, n))
     if len(design.values) > 1:
@@ -308,6 +346,11 @@ def _conditions(design: Design) -> dict[str, Condition]:
         targets = tuple(kind for kind in pool if kind in nameable)
         if targets:
             found.append(Condition(f"several-{name}", targets, pool, n, named=count))
+    for name, count, named in COMPARED:
+        nameable = {kind for _, several in _short(design, named) for kind in several}
+        targets = tuple(kind for kind in pool if kind in nameable)
+        if targets and count <= len(pool):
+            found.append(Condition(name, targets, pool, count, named=named, compares=True))
     return {condition.name: condition for condition in found}
 
 

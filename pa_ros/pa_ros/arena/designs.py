@@ -198,6 +198,7 @@ register(
            **_COMMON),
     Design("3-C", _VALUES_3, _WORDS_3, _ALL_3, **_COMMON),
     _THREE_D,
+    replace(_THREE_D, name="3-D-avoid", vocabulary=_WORDS_3.avoiding()),
     replace(_THREE_D, name="3-D-exact", vocabulary=_WORDS_3_EXACT),
     # Each relation is held out with one training target: with another one each.
     replace(

@@ -8,9 +8,10 @@ from itertools import permutations
 from math import atan2, cos, hypot, pi, sin
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pa_ros.arena.arms import ARMS
-from pa_ros.arena.conditions import Condition, chain_for, moving_program, program_for
+from pa_ros.arena.conditions import Condition, avoiding, chain_for, moving_program, program_for
 from pa_ros.arena.config import ArenaConfig, Joints
 from pa_ros.arena.controllers import joints_at
 from pa_ros.arena.designs import Design, Kind
@@ -20,6 +21,7 @@ from pa_ros.world.relation import RELATIONS
 
 RANDOM_STREAM = 0  # docs/DESIGN.md: streams of random numbers
 PLACEMENT_TRIES = 1000
+AVOID_WITHIN_M = 0.30  # from the target to what is to be avoided, so that it is in the way
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,12 +66,16 @@ def generate(
     # The order of the draws must not change, because every published result depends on it.
     base = float(rng.uniform(config.joint_lower[0], config.joint_upper[0]))
     program: Goal
+    avoided: list[Kind] = []
     if condition.chain:
         program, (target, *required) = chain_for(condition, design, rng)
     else:
         target = condition.targets[int(rng.integers(len(condition.targets)))]
         program, needed = program_for(condition, design, target, rng)
         required = list(needed)
+        if condition.avoided:
+            program, avoided = avoiding(condition, design, program, target, rng)
+            required = [*dict.fromkeys((*required, *avoided))]
     words = [kind.words for kind in condition.pool]
     named = np.any([satisfying(one, words, None) for one in stages(program)], axis=0)
     unnamed = [kind for kind, is_named in zip(condition.pool, named, strict=True) if not is_named]
@@ -77,7 +83,7 @@ def generate(
     order = rng.permutation(len(chosen))
     blocks = tuple(
         Block(chosen[i], x, y, float(rng.uniform(-pi, pi)))
-        for i, (x, y) in zip(order, _places(config, len(chosen), rng), strict=True)
+        for i, (x, y) in zip(order, _close_places(config, order, bool(avoided), rng), strict=True)
     )
     start = base, *(joint.start for joint in ARMS[config.arm].joints[1:])
     return Episode(index, condition.name, blocks, start, program)
@@ -254,6 +260,21 @@ def _distractors(
         rest.remove(chosen[0])
     picks = rng.permutation(len(rest))[: max(count - len(chosen), 0)]
     return chosen + [rest[i] for i in picks]
+
+
+def _close_places(
+    config: ArenaConfig, order: NDArray[np.intp], close: bool, rng: np.random.Generator
+) -> list[Spot]:
+    """Places in the order of blocks; if `close`, of which the first two chosen are not far apart:
+    a target, and what is to be avoided."""
+    for _ in range(PLACEMENT_TRIES):
+        spots = _places(config, len(order), rng)
+        if not close:
+            break
+        (x, y), (u, v) = (spots[int(np.flatnonzero(order == i)[0])] for i in (0, 1))
+        if hypot(x - u, y - v) <= AVOID_WITHIN_M:
+            break
+    return spots
 
 
 def _places(config: ArenaConfig, count: int, rng: np.random.Generator) -> list[tuple[float, float]]:

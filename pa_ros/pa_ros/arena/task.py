@@ -20,6 +20,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64, Observation, Verdict
 from pa_ros.language import Goal, Program, require_possible, roles
 from pa_ros.world import Reward, Score, Scoring
+from pa_ros.world.comparisons import choose
 from pa_ros.world.measures import ProgramMeasures
 from pa_ros.world.progress import GoalWatch
 from pa_ros.world.world import World
@@ -59,7 +60,9 @@ class Verifier:
         self.program = program
         sets = roles(program, words, HAND_INDEX, bodiless)
         self.moved, self.targets = (tuple(np.flatnonzero(one).tolist()) for one in sets)
-        """Objects that are to be moved, and those that they are to be related to."""
+        """Objects that are to be moved, and those that they are to be related to; of a comparison,
+        those that were chosen in the state scored last."""
+        self._sets = self.moved, self.targets
         self._scoring = scoring
 
     @property
@@ -69,6 +72,11 @@ class Verifier:
 
     def score(self, objects: Float32, hand_pose: Float64) -> Score:
         """Score one state: object features [N, F], and the hand's pose [7] in the base's frame."""
+        if self.program.compares:
+            self.moved, self.targets = (
+                choose(comparison, one, objects, hand_pose)
+                for comparison, one in zip(self.program.chosen, self._sets, strict=True)
+            )
         moved = None if self.program.moves_hand else self.moved
         relation = self.program.relation
         return self._scoring.of_targets(self.targets, objects, relation, hand_pose, moved)

@@ -124,7 +124,8 @@ def _ends(evaluation: Evaluation, vocabulary: Vocabulary) -> Report:
     """How episodes ended: of goals over time, and where blocks can be moved; spheres apart, since
     they roll on."""
     goals = [parse_goal(score.program, vocabulary) for score in evaluation.scores]
-    if not all(isinstance(goal, Program) for goal in goals):
+    if not all(isinstance(goal, Program) and not goal.compares and goal.avoided is None
+               for goal in goals):  # fmt: skip
         rows = [(s.success, s.ever, s.violated, s.stage + s.success) for s in evaluation.scores]
         names = ("success", "ever", "violations", "programs_done")
         return {

@@ -33,6 +33,7 @@ CONDITIONS = (
     *(f"several-{count}" for count in (1, 2, 3, "all")),
 )
 """Those of the paper, in the order of its figure, then longer programs and several targets."""
+BY_SUCCESS = ("blocks-", "chain-", "compare", "avoid")  # names of conditions that begin so
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,14 +57,12 @@ class ConditionRow:
 def conditions_of(design: Design) -> tuple[str, ...]:
     """All conditions of a design: those of CONDITIONS, then custom ones in the design's order.
 
-    Numbers of blocks are only those of CONDITIONS. Chains of programs are left out, since their
-    episodes are long.
+    Numbers of blocks are only those of CONDITIONS. Chains, comparisons, and what is to be avoided
+    are left out: they are scored by success.
     """
     known = conditions_for(design)
     ours = [name for name in CONDITIONS if name in (*known, RANDOM_WEIGHTS)]
-    own = [
-        name for name in known if name not in ours and not name.startswith(("blocks-", "chain-"))
-    ]
+    own = [name for name in known if name not in ours and not name.startswith(BY_SUCCESS)]
     return (*ours, *own)
 
 

@@ -36,6 +36,7 @@ SUMMARIES = {
     "program.avoids_target": "target to be avoided",
     "program.over_time": "goal over time",
     "program.avoids": "nothing can be avoided",
+    "program.compares": "nothing can be compared",
 }
 """Every code of a ProgramError, with the words for it in the message."""
 

@@ -141,7 +141,9 @@ def present_objects(objects: Sequence[Set[str]], hand_index: int | None) -> str:
 def _rejected(program: Program, code: str, expected: str, moved: bool = False) -> ProgramError:
     """An error with a caret under the first set of the canonical text, or the second."""
     source, wrong = str(program), program.moved if moved else program.target
-    start = len(f"{program.relation}(" if moved else f"{program.relation}({program.moved}, ")
+    before = "" if moved else f"{program.arguments[0]}, "
+    comparison = program.chosen[0 if moved else 1]
+    start = len(f"{program.relation}({before}") + (len(f"{comparison}(") if comparison else 0)
     span = Span(start, start + len(str(wrong)))
     return ProgramError(source, span, code=code, expected=expected, received=f"{wrong}")
 
@@ -228,10 +230,10 @@ def _of_object(
     return of
 
 
-def check_words(program: Program, known: Mapping[str, int]) -> None:
+def check_words(program: Program, known: Mapping[str, int], avoids: bool = False) -> None:
     """Raise ProgramError if the program has a word outside `known` (program.unknown_word) or avoids
-    a set, for which Φ alone has no meaning (program.avoids)."""
-    if program.avoided is not None:
+    a set although networks have no input for it (program.avoids), unless `avoids` says so."""
+    if program.avoided is not None and not avoids:
         source, expected = str(program), "a program without AVOID for these networks"
         span = Span(0, len("AVOID"))
         raise ProgramError(source, span, code="program.avoids", expected=expected, received="AVOID")

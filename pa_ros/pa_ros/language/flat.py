@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import reduce
 
+from pa_ros.language.errors import ProgramError
 from pa_ros.language.evaluate import check_words, foreign_word
-from pa_ros.language.syntax import HAND, And, Expression, Not, Or, Program, Word
+from pa_ros.language.syntax import HAND, And, Expression, Not, Or, Program, Span, Word
 from pa_ros.language.vocabulary import Vocabulary
 
 NOT, AND, OR, COPY = range(4)
@@ -23,7 +24,8 @@ class FlatProgram:
 
     `moved` and `target` are the registers of the program's two sets, V if a set is HAND. At the
     hand's column a set is 1 if its register is V, else 0, whatever the register contains there. If
-    objects are to be moved, p = OR(HAND, OR(moved, target)).
+    objects are to be moved, p = OR(HAND, OR(moved, target)). `avoided` is the register of the set
+    to avoid, V if there is none.
     """
 
     op: tuple[int, ...]
@@ -31,6 +33,7 @@ class FlatProgram:
     b: tuple[int, ...]
     moved: int
     target: int
+    avoided: int
 
     def __len__(self) -> int:
         return len(self.op)
@@ -40,11 +43,17 @@ def compile_program(program: Program, vocabulary: Vocabulary) -> FlatProgram:
     """Compile a program for the rows of `vocabulary`.
 
     The relation does not become an instruction, because p does not depend on it. Raises
-    ProgramError (program.unknown_word) if the program is of another vocabulary.
+    ProgramError: program.unknown_word for another vocabulary's, program.compares for comparisons.
     """
     if program.relation not in vocabulary.relations:
         raise foreign_word(program, program.relation, vocabulary.relation_row)
-    check_words(program, vocabulary.row)
+    check_words(program, vocabulary.row, vocabulary.avoids)
+    if program.compares:  # of an agent that acts, `acting.actor` compares, since p knows no places
+        text = str(program)
+        name = next(filter(None, program.chosen))
+        span = Span(at := text.index(f"{name}("), at + len(name))
+        expected = "a program without comparisons for networks"
+        raise ProgramError(text, span, code="program.compares", expected=expected, received=name)
     code, hand = _Code(vocabulary), len(vocabulary.words)
     moved = code.emit_expression(program.moved)
     if vocabulary.bodiless and not program.moves_hand:
@@ -52,10 +61,11 @@ def compile_program(program: Program, vocabulary: Vocabulary) -> FlatProgram:
         moved = code.emit(AND, moved, code.emit(NOT, no_body, no_body))
     target = code.emit_expression(program.target)
     either = target if program.moves_hand else code.emit(OR, moved, target)
+    avoided = hand if program.avoided is None else code.emit_expression(program.avoided)
     # p = OR(HAND, e) is always the last instruction, so evaluators need no other end mark.
     code.emit(OR, hand, either)
     op, a, b = zip(*code.instructions, strict=True)
-    return FlatProgram(op, a, b, moved, target)
+    return FlatProgram(op, a, b, moved, target, avoided)
 
 
 class _Code:

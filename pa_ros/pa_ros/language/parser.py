@@ -7,13 +7,24 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeVar
 
 from pa_ros.language.errors import ProgramError, one_of, unknown_word
 from pa_ros.language.goals import All, Avoid, Goal, Then
-from pa_ros.language.syntax import HAND, NEAR, And, Expression, Not, Or, Program, Span, Word
+from pa_ros.language.syntax import (
+    COMPARISONS,
+    HAND,
+    NEAR,
+    And,
+    Expression,
+    Not,
+    Or,
+    Program,
+    Span,
+    Word,
+)
 from pa_ros.language.vocabulary import RESERVED, Vocabulary
 
 # These limits keep hostile text from costing time, memory or stack. The largest program of the
@@ -38,6 +49,7 @@ SEVERAL = "2 arguments or more"
 ARGUMENT = 1
 """Depth of an expression that is an argument of the relation."""
 
+Part = TypeVar("Part")
 Kind = Literal["word", "(", ")", ",", "end"]
 
 _TOKEN = re.compile(r"[A-Za-z0-9_]+|[(),]")
@@ -204,27 +216,40 @@ class _Parser:
         self._take("(")
         if self._token.kind == ")":
             raise self._wrong_arity(relation.text, relation, 0, self._token)
+        first = ""
         moved: Expression = HAND
         if self._vocabulary.moves_objects:
-            moved = self._parse_expression(ARGUMENT)
+            first, moved = self._parse_argument()
         else:
             self._take_keyword(HAND.name)
-        targets, closing = self._parse_rest(ARGUMENT)
+        targets, closing = self._parse_rest(self._parse_argument)
         if len(targets) != 1:
             raise self._wrong_arity(relation.text, relation, 1 + len(targets), closing)
-        if moved == targets[0] == HAND:
+        second, target = targets[0]
+        if moved == target == HAND:
             raise ProgramError(
                 self._source,
-                targets[0].span,
+                target.span,
                 code="program.itself",
                 expected="another object than the hand",
                 received="HAND twice",
             )
         span = Span(relation.span.start, closing.span.end)
-        return Program(targets[0], relation.text, span, moved)
+        return Program(target, relation.text, span, moved, chosen=(first, second))
+
+    def _parse_argument(self) -> tuple[str, Expression]:
+        """argument = "HAND" | [ comparison "(" ] expression [ ")" ] ;"""
+        name = self._token
+        if name.text not in COMPARISONS:
+            return "", self._parse_expression(ARGUMENT)
+        self._advance()
+        operands, closing = self._parse_arguments(ARGUMENT + 1)
+        if len(operands) != 1:
+            raise self._wrong_arity(name.text, name, len(operands), closing)
+        return name.text, operands[0]
 
     def _parse_expression(self, depth: int) -> Expression:
-        """argument = "HAND" | expression ; expression = word | operation ;"""
+        """expression = word | operation ;"""
         token = self._token
         if depth == ARGUMENT and token.text == HAND.name and self._vocabulary.moves_objects:
             return Word(HAND.name, self._advance().span)
@@ -262,15 +287,15 @@ class _Parser:
         if self._token.kind == ")":
             return (), self._take(")")
         first = self._parse_expression(depth)
-        rest, closing = self._parse_rest(depth)
+        rest, closing = self._parse_rest(lambda: self._parse_expression(depth))
         return (first, *rest), closing
 
-    def _parse_rest(self, depth: int) -> tuple[tuple[Expression, ...], Token]:
-        """rest = { "," expression } ")" ;"""
+    def _parse_rest(self, part: Callable[[], Part]) -> tuple[tuple[Part, ...], Token]:
+        """rest = { "," part } ")" ;"""
         items = []
         while self._token.kind == ",":
             self._advance()
-            items.append(self._parse_expression(depth))
+            items.append(part())
         if self._token.kind != ")":
             raise self._unexpected("',' or ')'")
         return tuple(items), self._take(")")
@@ -281,6 +306,8 @@ class _Parser:
             raise self._unexpected(f"{self._words()} ({token.text} is not a property)")
         if token.text in OVER_TIME:
             raise self._unexpected(f"{self._words()} ({token.text} is a goal, not a set)")
+        if token.text in COMPARISONS:
+            raise self._unexpected(f"{self._words()} ({token.text} is an argument, not a set)")
         if token.kind != "word":
             hand = (HAND.name,) if depth == ARGUMENT and self._vocabulary.moves_objects else ()
             raise self._unexpected(self._words(*hand))
@@ -317,7 +344,10 @@ class _Parser:
         )
 
     def _wrong_arity(self, name: str, start: Token, received: int, closing: Token) -> ProgramError:
-        takes = {"NOT": "1 argument", **dict.fromkeys(("AND", "OR", "THEN", "ALL"), SEVERAL)}
+        takes = {
+            **dict.fromkeys(("NOT", *COMPARISONS), "1 argument"),
+            **dict.fromkeys(("AND", "OR", "THEN", "ALL"), SEVERAL),
+        }
         return ProgramError(
             self._source,
             Span(start.span.start, closing.span.end),

@@ -9,6 +9,9 @@ from typing import NamedTuple, TypeAlias
 NEAR = "NEAR"
 """The paper's relation."""
 
+COMPARISONS = ("LEFTMOST", "RIGHTMOST", "NEAREST", "FARTHEST")
+"""Each chooses one object of a set by its place (`pa_ros.world.comparisons`)."""
+
 
 class Span(NamedTuple):
     """Characters `start` (included) to `end` (excluded) of a text, both 0-based."""
@@ -86,10 +89,31 @@ class Program:
     span: Span = field(default=NOWHERE, compare=False, repr=False)
     moved: Expression = HAND
     avoided: Expression | None = None
+    chosen: tuple[str, str] = ("", "")
+    """Comparisons that choose one object of `moved` and of `target`; empty: any object will do."""
 
     def __str__(self) -> str:
-        text = f"{self.relation}({self.moved}, {self.target})"
+        text = f"{self.relation}({', '.join(self.arguments)})"
         return text if self.avoided is None else f"AVOID({self.avoided}, {text})"
+
+    @property
+    def arguments(self) -> tuple[str, str]:
+        """Canonical texts of both arguments."""
+        first, second = (
+            f"{comparison}({one})" if comparison else str(one)
+            for comparison, one in zip(self.chosen, (self.moved, self.target), strict=True)
+        )
+        return first, second
+
+    @property
+    def compares(self) -> bool:
+        """Whether a comparison chooses among the objects of a set."""
+        return any(self.chosen)
+
+    @property
+    def sets_alone(self) -> Program:
+        """The same program without comparisons."""
+        return replace(self, chosen=("", "")) if self.compares else self
 
     @property
     def relation_alone(self) -> Program:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.language.syntax import NEAR
+from pa_ros.language.syntax import COMPARISONS, NEAR
 
-RESERVED = frozenset({"HAND", "AND", "OR", "NOT", "THEN", "ALL", "AVOID"})
+RESERVED = frozenset({"HAND", "AND", "OR", "NOT", "THEN", "ALL", "AVOID", *COMPARISONS})
 
 MAX_RELATIONS = 16
 """Relations that the programs of one world may use."""
@@ -37,13 +37,15 @@ class Vocabulary:
     Each object has exactly one property of each group (paper, "Learned grounding"), so the
     detectors of a group are coupled by one softmax. Programs may use `relations`; their order is
     the order of the embeddings. Only with `moves_objects` may the first argument of a relation be
-    another set than HAND; objects with a word of `bodiless` cannot be moved.
+    another set than HAND; objects with a word of `bodiless` cannot be moved. Only with `avoids` do
+    networks learn what a program avoids.
     """
 
     groups: tuple[WordGroup, ...]
     relations: tuple[str, ...] = (NEAR,)
     moves_objects: bool = False
     bodiless: tuple[str, ...] = ()
+    avoids: bool = False
 
     def __post_init__(self) -> None:
         if len({group.name for group in self.groups}) < len(self.groups):
@@ -78,6 +80,16 @@ class Vocabulary:
     def moving(self, *bodiless: str) -> Vocabulary:
         """The same words for programs that may move objects; those of `bodiless` words stay."""
         return replace(self, moves_objects=True, bodiless=bodiless)
+
+    def avoiding(self) -> Vocabulary:
+        """The same words for networks that learn to avoid a set. ConfigError unless NEAR is the
+        only relation, and of the hand."""
+        if self.relations != (NEAR,) or self.moves_objects:
+            raise ConfigError(
+                f"vocabulary: avoids: expected the relation {NEAR} of the hand alone, got "
+                f"{self.relations}{' and objects that are moved' if self.moves_objects else ''}"
+            )
+        return replace(self, avoids=True)
 
     def __getitem__(self, group: str) -> tuple[str, ...]:
         """Words of a group; ConfigError lists the known groups."""

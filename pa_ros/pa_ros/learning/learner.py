@@ -90,12 +90,13 @@ class Learner:
         self._relabeler, self._hindsight = None, None
         if config.relabeling.rule == "all-goals":
             asked = training_programs, network.world, self.scoring
-            if network.vocabulary.moves_objects:
-                if (count := config.relabeling.programs_per_transition) > 1:
-                    raise ConfigError(
-                        "learner.relabeling.programs_per_transition: expected 1 where programs "
-                        f"move objects, got {count}"
-                    )
+            words, count = network.vocabulary, config.relabeling.programs_per_transition
+            if (words.moves_objects or words.avoids) and count > 1:
+                raise ConfigError(
+                    "learner.relabeling.programs_per_transition: expected 1 where programs "
+                    f"move objects or avoid them, got {count}"
+                )
+            if words.moves_objects:
                 self._hindsight = Hindsight(*asked, config.hindsight)
                 for program in self._hindsight.programs:
                     self._row(program)
@@ -216,6 +217,14 @@ class Learner:
         # still has a value.
         terminal = self.replay.arrays["terminal"][index]
         discount = np.where(terminal, 0.0, self.config.updates.discount).astype(np.float32)
+        if self.network.vocabulary.avoids and self._relabeler is not None:
+            # A violated program cannot hold any more: what follows is worth as much as never being
+            # rewarded, whatever happens.
+            masks = self._masks(index, following)
+            lost = self._relabeler.violated(program, masks)[:, 0]
+            discount[lost] = 0.0
+            never = self._relabeler.worst / (1.0 - self.config.updates.discount)
+            reward = np.where(lost[:, None], np.float32(never), reward)
         # These numbers decide which properties of which block are hidden, [rows, 2].
         hidden = None if self._dropout is None else self.rng.random((len(index), 2), np.float32)
         for first in range(0, updates * size, size):

@@ -30,9 +30,9 @@ class Network:
     """What the engine is told of an actor or a critic."""
 
     @staticmethod
-    def trunk(*, hidden: int, attention: int, arm_features: int, actions: int, scale: Sequence[float], group_sizes: Sequence[int], words: Sequence[tuple[int, Sequence[float], float]], detectors: bool, hide_properties: bool, critic: bool, self_weight: float, relations: int = 0, min_max: bool = False, roles: bool = False, upper_layers: int = 0) -> Network:
+    def trunk(*, hidden: int, attention: int, arm_features: int, actions: int, scale: Sequence[float], group_sizes: Sequence[int], words: Sequence[tuple[int, Sequence[float], float]], detectors: bool, hide_properties: bool, critic: bool, self_weight: float, relations: int = 0, min_max: bool = False, roles: bool = False, avoids: bool = False, upper_layers: int = 0) -> Network:
         """
-        A programmable one. `scale`: of each feature of an object. `words`: the first feature of each one's value, its numbers as scaled, and how near is near; no numbers: true of nothing. `relations`: 0 where programs ask for one alone. `min_max`: what AND and OR of degrees are, of an actor that doesn't learn. `roles`: programs say what is moved and where to.
+        A programmable one. `scale`: of each feature of an object. `words`: the first feature of each one's value, its numbers as scaled, and how near is near; no numbers: true of nothing. `relations`: 0 where programs ask for one alone. `min_max`: what AND and OR of degrees are, of an actor that doesn't learn. `roles`: programs say what is moved and where to; `avoids`: what is avoided.
         """
 
     @staticmethod
@@ -55,6 +55,9 @@ class Network:
 
     @property
     def upper_layers(self) -> int: ...
+
+    @property
+    def avoids(self) -> bool: ...
 
     @property
     def object_features(self) -> int: ...
@@ -85,6 +88,9 @@ class Layout:
 
     @property
     def local(self) -> int: ...
+
+    @property
+    def avoid(self) -> int: ...
 
     @property
     def receiver(self) -> int: ...

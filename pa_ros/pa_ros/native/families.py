@@ -60,6 +60,7 @@ class FusedTrunk:
             relations=network.vocabulary.relation_inputs,
             min_max=logic == MIN_MAX,
             roles=network.vocabulary.moves_objects,
+            avoids=network.vocabulary.avoids,
             upper_layers=network.upper_layers,
             **_world(network),
         )
@@ -121,9 +122,13 @@ FUSED: dict[type[Family], FusedTrunk | Mlp] = {Programmable: FusedTrunk(), Canon
 
 def _codes(network: NetworkConfig, codes: Codes) -> tuple[Int32, Int32, Int32, Int32, Int32]:
     """`op`, `a`, `b`, the programs' relations, empty if the world has one relation only, and their
-    roles, empty if programs move nothing but the hand."""
+    roles, or twice what they avoid, empty if programs do neither but move the hand."""
     op, a, b, *more = (code.astype(np.int32, copy=False) for code in codes)
-    roles = more.pop() if network.vocabulary.moves_objects else np.zeros((0, 2), np.int32)
+    roles = np.zeros((0, 2), np.int32)
+    if network.vocabulary.moves_objects:
+        roles = more.pop()
+    elif network.vocabulary.avoids:
+        roles = np.stack([more.pop()] * 2, axis=-1)
     return op, a, b, more[0] if more else np.zeros(0, np.int32), roles
 
 

@@ -54,6 +54,9 @@ class FlatTensors:
         if n.relations:
             added = _rows(buffer, at.relation, at)[: n.relations, : n.hidden]
             views["relation.weight"] = [added.T]
+        if n.avoids:
+            views |= self._first(buffer, "avoid.0", at.avoid, n.hidden)
+            views["avoid.1.weight"] = self._second(buffer, "", 2)[".weight"]
         for layer in range(n.upper_layers):
             rows = _rows(buffer, at.upper + layer * (at.hidden + 1) * at.hidden, at)
             views[f"upper.{layer}.weight"] = [rows[: n.hidden, : n.hidden].T]
@@ -74,7 +77,7 @@ class FlatTensors:
     def _second(self, buffer: Float32, name: str, index: int) -> dict[str, list[Float32]]:
         at, size = self._layout, self.network.hidden
         weight = _rows(buffer, at.second + index * at.hidden**2, at)[:size, :size]
-        bias = _rows(buffer, at.second_bias, at)[index, :size]
+        bias = _rows(buffer, at.second_bias, at)[index % 2, :size]  # avoid.1 has none
         return {f"{name}.weight": [weight.T], f"{name}.bias": [bias]}
 
     def _canonical_layers(self, buffer: Float32) -> dict[str, list[Float32]]:

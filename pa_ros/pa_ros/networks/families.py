@@ -104,6 +104,8 @@ class DetectorFamily(Family):
         codes: Codes = table.arrays()
         if table.vocabulary.relation_inputs:
             codes = (*codes, table.relations())
+        if table.vocabulary.avoids:
+            codes = (*codes, table.avoided())
         return (*codes, table.roles()) if table.vocabulary.moves_objects else codes
 
     def goals(self, network: NetworkConfig, *codes: Any) -> Any:
@@ -111,7 +113,8 @@ class DetectorFamily(Family):
 
         op, a, b, *more = codes
         roles = more.pop() if network.vocabulary.moves_objects else None
-        return Programs(op, a, b, more[0] if more else None, roles)
+        avoided = more.pop() if network.vocabulary.avoids else None
+        return Programs(op, a, b, more[0] if more else None, roles, avoided)
 
     def check(self, program: Program, vocabulary: Vocabulary) -> None:
         compile_program(program, vocabulary)
@@ -148,6 +151,8 @@ class Programmable(DetectorFamily):
         shapes |= linear("message.1", hidden, hidden)
         if several := config.vocabulary.relation_inputs:
             shapes["relation.weight"] = (hidden, several)
+        if config.vocabulary.avoids:
+            shapes |= linear("avoid.0", hidden, columns) | {"avoid.1.weight": (hidden, hidden)}
         for layer in range(config.upper_layers):
             shapes |= linear(f"upper.{layer}", hidden, hidden)
         if not critic:
@@ -161,7 +166,7 @@ class Programmable(DetectorFamily):
         if self.detects(critic) and not config.detectors_have_biases:
             tensors["detectors.bias"][:] = 0.0
         if not config.relations_see_properties:
-            for layer in RELATIONS:
+            for layer in (*RELATIONS, *(["avoid.0"] if world.vocabulary.avoids else [])):
                 weight = tensors[f"{layer}.weight"]
                 columns = weight.reshape(len(weight), -1, world.columns)
                 columns[..., world.schema.properties] = 0.0

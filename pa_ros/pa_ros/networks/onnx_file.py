@@ -89,12 +89,18 @@ def write_onnx(
     """Write an actor that is greedy and acts by MIN_MAX.
 
     The file's metadata contains `about` and `programs`: compiled inputs by text, of these programs.
-    Raises ConfigError without the extra onnx, or for networks that take no programs.
+    Raises ConfigError without the extra onnx, or for networks that take no programs, or
+    that avoid.
     """
     if network.actor != "programmable":
         raise ConfigError(
             f"export: onnx: expected programmable networks, got {network.family}, which has no "
             "learned detectors that execute programs"
+        )
+    if network.vocabulary.avoids:
+        raise ConfigError(
+            "export: onnx: expected networks without AVOID, got ones that learned it, which are "
+            "not exported"
         )
     try:
         from onnx import TensorProto, checker, helper, save

@@ -28,13 +28,15 @@ LITTLE = 1e-6  # added to the sum of the pairs' weights before they are divided 
 class Programs:
     """K flat programs for each of B scenes: `op`, `a`, `b` are int tensors [B, K, L], `relation` is
     [B, K], the number of each one's relation where a world has several, and `roles` [B, K, 2] the
-    registers of what is moved and of the target, where programs move objects."""
+    registers of what is moved and of the target, where programs move objects. `avoided` [B, K] is
+    the register of what is avoided, where networks learn that."""
 
     op: Tensor
     a: Tensor
     b: Tensor
     relation: Tensor | None = None
     roles: Tensor | None = None
+    avoided: Tensor | None = None
 
     def relevant_objects(self, phi: Tensor, hand_index: int, logic: Logic = PRODUCT) -> Tensor:
         """p, [B, K, N], of Φ [B, V, N]; see `pa_ros.world.programs`."""
@@ -46,6 +48,13 @@ class Programs:
         found = relevant_roles(phi, hand_index, self.op, self.a, self.b, self.roles, logic)
         moved, target = found[..., 1:, :].unbind(-2)
         return moved, target
+
+    def to_avoid(self, phi: Tensor, hand_index: int, logic: Logic) -> Tensor:
+        """What is to be avoided, p_avoid [B, K, N]; 0 everywhere where nothing is."""
+        assert self.avoided is not None
+        roles = self.avoided[..., None]
+        found = relevant_roles(phi, hand_index, self.op, self.a, self.b, roles, logic)[..., 1, :]
+        return found * (torch.arange(phi.shape[-1], device=phi.device) != hand_index).to(phi)
 
 
 class Weight(nn.Module):
@@ -116,6 +125,9 @@ class Trunk(Detectors):
             # What each relation adds to the first layer of r: "parameterizing the message passing
             # operation based on the relation to be achieved" (paper, appendix).
             self.relation = Weight(hidden, several)
+        if config.vocabulary.avoids:
+            last = nn.Linear(hidden, hidden, bias=False)
+            self.avoid = nn.ModuleList([nn.Linear(columns, hidden), last])
         upper = [nn.Linear(hidden, hidden) for _ in range(config.upper_layers)]
         self.upper = nn.ModuleList(upper)  # between h and the output
 
@@ -137,7 +149,13 @@ class Trunk(Detectors):
         r = self._pooled(weights, self._sums(columns), programs.relation)
         # the last layers of f and r; every row of α sums to one, so both biases weigh Σ p
         bias = p.sum(-1, keepdim=True) * (local_last.bias + message_last.bias)
-        return f @ local_last.weight.T + r @ message_last.weight.T + bias
+        h = f @ local_last.weight.T + r @ message_last.weight.T + bias
+        if programs.avoided is not None:
+            first, last = _layers(self.avoid)
+            h = h + last(
+                programs.to_avoid(phi, hand_index, self.logic) @ torch.tanh(first(columns))
+            )
+        return h
 
     def raised(self, hidden: Tensor) -> Tensor:
         """tanh of the pre-activations [..., H], through the upper layers."""

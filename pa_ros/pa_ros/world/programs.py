@@ -67,6 +67,10 @@ class ProgramTable:
         """Registers of each program's two sets, what is moved and the target: [P, 2]."""
         return np.array([(f.moved, f.target) for f in self._flat], np.int32).reshape(-1, 2)
 
+    def avoided(self) -> Int32:
+        """Register of each program's set to avoid, that of HAND if there is none: [P]."""
+        return np.array([f.avoided for f in self._flat], np.int32)
+
     def arrays(self) -> Arrays:
         """`op`, `a`, `b`, each [P, L] int32, where L is the longest program's length. Read-only.
 

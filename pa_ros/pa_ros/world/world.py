@@ -127,6 +127,8 @@ class World:
     def to_data(self) -> dict[str, Any]:
         """As data for JSON."""
         added: dict[str, Any] = {"moves_objects": True} if self.vocabulary.moves_objects else {}
+        if self.vocabulary.avoids:
+            added["avoids"] = True
         if self.controller is not None:
             added["controller"] = self.controller.to_data()
         return {
@@ -146,6 +148,8 @@ class World:
             schema = ObjectSchema.from_data(data["objects"])
             if data.get("moves_objects", False) is True:
                 asked = asked.moving(*(w for w in asked.words if w in schema.bodiless))
+            if data.get("avoids", False) is True:
+                asked = asked.avoiding()
             controller = data.get("controller")
             if controller is not None:
                 controller = HandController.from_data(controller)

@@ -8,6 +8,7 @@ per trajectory, as bits, so that drawing programs for a batch is a gather.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 from math import inf
 from typing import Any, NamedTuple
@@ -24,6 +25,7 @@ from pa_ros.world.measures import ProgramMeasures
 from pa_ros.world.world import World
 
 MAX_PROGRAMS = 64  # bits of a mask
+AVOIDING = 0.5  # share of drawn programs that avoid a set, where networks learn to
 
 Int32 = NDArray[np.int32]
 UInt64 = NDArray[np.uint64]
@@ -41,7 +43,8 @@ class GoalMasks(NamedTuple):
 
 class Relabeler:
     """The P programs that are drawn, in order: program j is row j of a batch. The training programs
-    come first, bit j of every mask, then ORs of up to `targets` of their targets."""
+    come first, bit j of every mask, then ORs of up to `targets` of their targets. Where networks
+    learn to avoid, each of these follows once more for each training target, which it avoids."""
 
     def __init__(
         self, programs: Sequence[Program], world: World, scoring: Scoring, targets: int = 1
@@ -49,6 +52,11 @@ class Relabeler:
         if not 1 <= len(programs) <= MAX_PROGRAMS:
             raise ConfigError(
                 f"relabeling: expected 1 to {MAX_PROGRAMS} programs, got {len(programs)}"
+            )
+        if world.vocabulary.avoids and scoring.reward.uses_measure:
+            raise ConfigError(
+                "relabeling: expected a reward of `satisfied` alone where programs avoid, got "
+                f"{scoring.reward.to_json()}"
             )
         self._measures, self._world = ProgramMeasures(programs, world, scoring), world
         self._scoring = scoring
@@ -59,12 +67,24 @@ class Relabeler:
             if len({programs[j].relation for j in chosen}) == 1
         ]
         joined = self._parts[len(programs) :]
-        self.programs = (*programs, *(_either([programs[j] for j in part]) for part in joined))
+        every = *programs, *(_either([programs[j] for j in part]) for part in joined)
+        self._avoiding = len(every) if world.vocabulary.avoids else 0
+        if self._avoiding:
+            every += tuple(
+                replace(one, avoided=other.target) for one in every for other in programs
+            )
+        self.programs = every
         # An OR names something, and is satisfied, where that is true of one of its parts.
         self._bits = np.array([sum(1 << j for j in part) for part in self._parts], np.uint64)
         self._values: Float64 | None = None  # of a program not satisfied, and of one that is
         if not scoring.reward.uses_measure:
             self._values = scoring.reward(np.array([False, True]), np.array([inf, 0.0]))
+
+    @property
+    def worst(self) -> float:
+        """Reward of a program that is not satisfied."""
+        assert self._values is not None
+        return float(self._values[0])
 
     @property
     def rewards_kept(self) -> int:
@@ -145,12 +165,37 @@ class Relabeler:
         column = np.arange(k) % np.maximum(count, 1)  # [B, K]
         other = np.take_along_axis(order, column, 1).astype(np.int32)
         rewards = self.rewards(other, masks)
+        if self._avoiding:
+            other = self._avoid(rng, other, present)
         program = np.where(count > 0, other, original[:, None])
         rewards = np.where(count > 0, rewards, reward[:, None])
         return program, rewards
 
+    def _avoid(self, rng: np.random.Generator, program: Int32, present: NDArray[np.bool_]) -> Int32:
+        """Half of the programs [B, K], each with another target that is present, to be avoided."""
+        count = len(self._measures)
+        own = self._bits[program][..., None] >> np.arange(count, dtype=np.uint64) & np.uint64(1)
+        may = present[:, None, :count] & (own == 0)  # [B, K, training programs]
+        keys = np.where(may, rng.random(may.shape), 0.0)
+        chosen = (rng.random(program.shape) < AVOIDING) & may.any(-1)
+        pair = self._avoiding + program * count + keys.argmax(-1)
+        return np.where(chosen, pair, program).astype(np.int32)
+
+    def violated(self, program: Int32, masks: GoalMasks) -> NDArray[np.bool_]:
+        """Whether programs [B, K] are violated, [B, K], given the masks of the next rows."""
+        if not self._avoiding:
+            return np.zeros(program.shape, np.bool_)
+        avoids = (program >= self._avoiding) & (program < len(self.programs))
+        bit = (program - self._avoiding) % len(self._measures)
+        near = masks.satisfied[:, None] >> np.where(avoids, bit, 0).astype(np.uint64) & np.uint64(1)
+        return np.asarray(avoids & (near != 0))
+
     def rewards(self, program: Int32, masks: GoalMasks) -> Float32:
-        """Rewards [B, K] of training programs [B, K], given the masks of the next rows."""
+        """Rewards [B, K] of programs [B, K] without what they avoid, given the masks of the next
+        rows."""
+        if self._avoiding:
+            relation = (program - self._avoiding) // len(self._measures)
+            program = np.where(program < self._avoiding, program, relation)
         if self._values is None:
             assert masks.rewards is not None
             return np.asarray(np.take_along_axis(masks.rewards, program, 1))

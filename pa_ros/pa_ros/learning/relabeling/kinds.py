@@ -32,8 +32,13 @@ class Kinds:
         return np.asarray(np.ravel_multi_index(values, self._sizes))
 
     def named(self, table: ProgramTable) -> NDArray[np.bool_]:
-        """Which kinds each program names, [P, kinds + 1]."""
-        return crisp(table.arrays(), self._truth, self._truth.shape[1] - 1)
+        """Which kinds each program names, also to avoid them, [P, kinds + 1]."""
+        hand = self._truth.shape[1] - 1
+        named = crisp(table.arrays(), self._truth, hand)
+        if table.vocabulary.avoids:
+            registers = table.avoided()[:, None]
+            named |= crisp_roles(table.arrays(), registers, self._truth, hand)[:, 0]
+        return named
 
     def sets(self, table: ProgramTable) -> NDArray[np.bool_]:
         """Which kinds are in each program's two sets, [P, 2, kinds + 1]."""

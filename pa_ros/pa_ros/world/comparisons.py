@@ -1,0 +1,42 @@
+"""Comparisons: which object of a set comes first by its place. How it is compared is given, and
+not learned; which objects are in the set is for the networks to say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from pa_ros.core.experience import Float32, Float64
+from pa_ros.language.syntax import COMPARISONS
+from pa_ros.world.poses import POSE_WIDTH, in_base
+
+SCORES: dict[str, Callable[[Float64], Float64]] = dict(
+    zip(
+        COMPARISONS,
+        (
+            lambda place: place[..., 1],
+            lambda place: -place[..., 1],
+            lambda place: -np.hypot(place[..., 0], place[..., 1]),
+            lambda place: np.hypot(place[..., 0], place[..., 1]),
+        ),
+        strict=True,
+    )
+)
+"""Of places [..., 3] (m) in the base's frame, whose x is before the arm and whose y is to its left:
+the greatest score is chosen. Near and far are meant from the base."""
+
+
+def choose(
+    comparison: str, among: Sequence[int], objects: Float32, hand_pose: Float64
+) -> tuple[int, ...]:
+    """The chosen one of the objects `among` of a scene [N, F], all of them without a comparison.
+
+    `hand_pose` [7] is in the base's frame.
+    """
+    if not comparison or not among:
+        return tuple(among)
+    poses = objects[[*among], :POSE_WIDTH].astype(np.float64)
+    scores = SCORES[comparison](in_base(hand_pose, poses)[..., :3])
+    return (among[int(np.argmax(scores))],)

@@ -1,0 +1,52 @@
+"""Programs that avoid a set in the arena: the conditions of designs that have them."""
+
+from collections.abc import Sequence
+from math import hypot
+
+import pytest
+
+from pa_ros.arena import ReachTask, conditions_for, design_named, preset_named
+from pa_ros.arena.episodes import AVOID_WITHIN_M, Block
+from pa_ros.language import And, Not, Or, Program, satisfying
+
+DESIGN = design_named("3-D-avoid")
+
+
+def named(program: Program, blocks: Sequence[Block]) -> list[Block]:
+    words = [block.kind.words for block in blocks]
+    return [b for b, n in zip(blocks, satisfying(program, words, None), strict=True) if n]
+
+
+@pytest.mark.parametrize(
+    ("condition", "kind", "held_out"),
+    [("avoid", And, True), ("avoid-target", And, False), ("avoid-set", And, True),
+     ("avoid-train", And, False), ("avoid-or", Or, None), ("avoid-not", Not, None)],
+)  # fmt: skip
+def test_what_is_to_be_avoided_is_near_the_target(
+    condition: str, kind: type, held_out: bool | None
+) -> None:
+    task = ReachTask(preset_named("fast"), DESIGN, seed=2)
+    for index in range(10):
+        task.reset(index, condition)
+        blocks = task.episode.blocks
+        (target,) = named(task.program, blocks)
+        assert isinstance(task.program.avoided, kind)
+        avoided = named(Program(task.program.avoided), blocks)
+        assert target not in avoided
+        assert len(avoided) == {And: 1, Or: 2, Not: 3}[kind]
+        assert any(hypot(b.x - target.x, b.y - target.y) <= AVOID_WITHIN_M for b in avoided)
+        if held_out is not None:
+            assert (avoided[0].kind in DESIGN.held_out) == held_out
+
+
+def test_half_of_the_training_episodes_avoid() -> None:
+    task = ReachTask(preset_named("fast"), DESIGN, seed=2)
+    avoids = []
+    for index in range(60):
+        task.reset(index, "train")
+        avoids.append(task.program.avoided is not None)
+    assert 15 < sum(avoids) < 45
+
+
+def test_only_designs_that_avoid_have_these_conditions() -> None:
+    assert not [c for c in conditions_for(design_named("3-D")) if c.startswith("avoid")]
