@@ -45,6 +45,15 @@ def test_a_chain_says_how_far_it_came_and_how_well_the_agent_judges(judge, tmp_p
     assert "THEN(NEAR(HAND, " in capsys.readouterr().out
 
 
+def test_comparisons_are_executed_without_training(tmp_path, capsys):
+    report = tmp_path / "eval.json"
+    arguments = ["eval", "--checkpoint", "shipped:3-D", "--condition", "compare-8"]
+    assert main([*arguments, "--episodes", "3", "--json", str(report)]) == 0
+    figures = json.loads(report.read_text())
+    assert figures["eval.success"] == 1.0 and figures["eval.violations"] == 0.0
+    assert "ST(" in capsys.readouterr().out  # as all comparisons end
+
+
 def test_a_reference_policy_does_not_judge(capsys):
     asked = ["eval", "--policy", "scripted", "--design", "3-D", "--judge", "agent"]
     assert main(asked) == 2 and "expected --checkpoint" in capsys.readouterr().err
