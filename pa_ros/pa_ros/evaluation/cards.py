@@ -47,7 +47,7 @@ def model_card(path: str | Path, report: Report | None = None) -> str:
     return _TEXT.format(
         name=name,
         design=agent.design.name,
-        metrics="".join(f"    - {_metric(*row)}\n" for row in rows),
+        metrics="".join(f"    - {_metric(*row)}\n" for row in rows if row[0] in SHIPPED),
         arm=agent.arena.arm,
         preset=agent.arena.preset,
         words=", ".join(words.words),
