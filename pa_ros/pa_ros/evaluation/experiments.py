@@ -134,7 +134,6 @@ EXPERIMENTS = {
     for experiment in (
         Experiment("programmable-2L", "2-L", 30_000),
         Experiment("programmable-3D", "3-D", 60_000),
-        Experiment("camera-2L", "2-L", 25_000, perception="camera", evaluate_every_frames=5_000),
         Experiment("camera-3D", "3-D", 25_000, perception="camera", evaluate_every_frames=5_000),
         Experiment("programmable-3D-exact", "3-D-exact", 30_000),
         Experiment("distilled-2L", "2-L", 30_000, network="distilled-critic"),

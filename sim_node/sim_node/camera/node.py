@@ -114,9 +114,8 @@ class CameraNode(ManagedNode):
         if not self.active or self._age > self.config.timeout_s or self._sight.arm is None:
             return
         objects = self._sight.objects(step.observation.hand_pose)
-        self._out.publish(
-            encode_step(replace(step, observation=replace(step.observation, objects=objects)))
-        )
+        seen = replace(step.observation, objects=objects)
+        self._out.publish(encode_step(replace(step, observation=seen)))
 
     # Pictures
 
