@@ -3,6 +3,7 @@
 The tests share one graph, which `Arm.simulated` starts.
 """
 
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -44,6 +45,12 @@ def test_the_example_of_the_readme_and_of_help_succeeds(arm: Arm, capsys) -> Non
     # It joins the graph of these tests, as its comment says, instead of starting one.
     exec(example.replace("Arm.simulated()", "Arm()", 1), {})
     assert capsys.readouterr().out.splitlines()[-1].startswith("True 0.")
+
+
+def test_the_programs_that_the_readme_sends_name_something_in_the_scene_of_a_launch(arm: Arm):
+    readme = (Path(__file__).parents[2] / "README.md").read_text()
+    programs = re.findall('pa_ros send "(.*)"', readme)
+    assert len(programs) > 1 and [arm.check(program) for program in programs] == programs
 
 
 def test_the_page_on_python_shows_what_happens(arm: Arm, capsys) -> None:

@@ -40,8 +40,8 @@ def render(
 
 
 def top_view(task: ReachTask, side_px: int = 480) -> NDArray[np.uint8]:
-    """The table from above, [side, side, 3] RGB, with the arm, the blocks and the targets. A dotted
-    line shows where the program's relation holds; for NEAR it is a circle around the hand."""
+    """The table from above, [side, side, 3] RGB: the hand is a white ring, named objects have a
+    black edge. A dotted line shows where the program's relation holds; for NEAR it is a circle."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -65,7 +65,9 @@ def top_view(task: ReachTask, side_px: int = 480) -> NDArray[np.uint8]:
             continue
         axes.plot(x, y, look.marker, color=look.rgb, ms=side, mec=edge, mew=size / 20)
     hand_x, hand_y = positions[0, :2].tolist()
-    axes.plot(hand_x, hand_y, "o", color="white", mec="#555560", ms=size / 2, zorder=4)
+    # Rings, so that an object under the hand is seen.
+    for color, width in (("#555560", size / 8), ("white", size / 14)):
+        axes.plot(hand_x, hand_y, "o", mfc="none", mec=color, mew=width, ms=size / 1.6, zorder=4)
     if task.verifier.moved and task.verifier.targets:
         axes.plot(*outline(task).T, ":", color="black", linewidth=1.0)
     picture, _ = canvas.print_to_buffer()  # type: ignore[no-untyped-call]

@@ -90,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
         chosen = settings_from(options, EvaluationConfig)
         design, arena = chosen.design_of(), chosen.arena_config()
         report = _report(options, design, arena, options.policy, options.condition)
-    write_report(options.json, report)
+    write_report(options.json, report, without="eval.program.")  # each has a line above
     return 0
 
 
@@ -109,7 +109,8 @@ def _report(
         perception=perception, pursued=None if judgement is None else judgement.program,
     )  # fmt: skip
     for row in by_program(evaluation):
-        print(f"{row.program}: {row.episodes} episodes, {row.reward_per_step:+.3f} per step, "
+        count = f"{row.episodes} episode{'s' * (row.episodes > 1)}"
+        print(f"{row.program}: {count}, {row.reward_per_step:+.3f} per step, "
               f"{row.success_rate:.0%} near at the end")  # fmt: skip
     return {
         **figures(evaluation),

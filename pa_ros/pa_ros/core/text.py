@@ -60,10 +60,14 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     return f"; did you mean {near!r}?" if near else ""
 
 
-def write_report(path: Path | None, report: Report) -> None:
-    """Print a report, a line a name, and write it as JSON to `path` if one is given."""
-    width = max(map(len, report))
-    for name, value in report.items():
+def write_report(path: Path | None, report: Report, without: str = "\0") -> None:
+    """Print a report, a line a name, and write it as JSON to `path` if one is given.
+
+    Names that begin with `without` are not printed.
+    """
+    shown = {name: value for name, value in report.items() if not name.startswith(without)}
+    width = max(map(len, shown))
+    for name, value in shown.items():
         print(f"{name:<{width}}  {f'{value:.6g}' if isinstance(value, float) else value}")
     if path is not None:
         write_whole(path, json.dumps({k: _json(v) for k, v in report.items()}, indent=2) + "\n")

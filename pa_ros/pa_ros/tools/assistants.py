@@ -106,8 +106,8 @@ class Table:
         }
 
     def picture(self) -> Image:
-        """The table from above, drawn from what the arena observed; a white disk marks each object
-        that the program in force names."""
+        """The table from above, drawn from what the arena observed: the hand is a white ring at the
+        end of the gray arm, and objects that the program in force names have a black edge."""
         scene = self.arm.scene()
         seen = scene.step.observation
         row = Row(
