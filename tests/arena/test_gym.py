@@ -73,7 +73,9 @@ def test_eval_has_the_flat_observation_of_train_so_that_one_policy_fits_both() -
     assert train == other == 18 + 16 * len(design_named("3-D").pool) + 9 < wider
 
 
-@pytest.mark.parametrize("condition", conditions_for(design_named("3-D")))
+@pytest.mark.parametrize(
+    "condition", [name for name in conditions_for(design_named("3-D")) if "compare" not in name]
+)
 def test_every_condition_runs_within_its_spaces(condition: str) -> None:
     env = ReachEnv(design="3-D", condition=condition)
     structured = ReachEnv(design="3-D", condition=condition, observation="structured")

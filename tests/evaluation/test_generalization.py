@@ -45,7 +45,7 @@ def test_all_conditions_include_those_of_custom_groups_and_relations() -> None:
     own = "only-size not-size train-near train-above eval-near eval-above".split()
     names = conditions_of(design)
     assert list(names[-len(own) :]) == own
-    assert set(conditions_for(design)) - set(names) == {"blocks-4"}
+    assert set(conditions_for(design)) - set(names) == {"blocks-4", "compare"}
     assert set(names) - set(conditions_for(design)) == {"random"}
     for name in ("2-L", "3-D-exact"):
         assert set(conditions_of(design_named(name))) <= set(CONDITIONS)

@@ -125,7 +125,9 @@ def test_without_hindsight_scenes_stay_and_all_rows_are_drawn(replay: ReplayBuff
 
 def test_a_transition_has_one_program_where_programs_move_objects() -> None:
     settings = dpg(relabeling__rule="all-goals", relabeling__programs_per_transition=2)
-    with pytest.raises(ConfigError, match="per_transition: expected 1 where .*objects, got 2"):
+    with pytest.raises(
+        ConfigError, match="per_transition: expected 1 where .*objects or avoid them, got 2"
+    ):
         Learner(NetworkConfig(world=PUSH), settings, PROGRAMS, seed=0)
 
 

@@ -35,14 +35,14 @@ def test_an_agent_trained_from_pictures_keeps_its_camera(
     assert load_agent(tmp_path).perception == agent.perception
     scored = ["eval", "--checkpoint", str(tmp_path), "--condition", "blocks-3", "--episodes", "1"]
     assert cli.main(scored) == 0
-    assert "1 episodes" in capsys.readouterr().out
+    assert ": 1 episode, " in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ("options", "why"),
     [
         (["--from-bag", "bag"], "--perception: expected told with --from-bag"),
-        (["--network", "canonical"], "family: expected 'programmable' where properties are"),
+        (["--network", "canonical"], "family: expected one that learns what words mean"),
         (["--learner.relabeling.rule", "none"], "property_dropout: expected 0 without relabeling"),
     ],
 )

@@ -76,7 +76,8 @@ def export_onnx(agent: TrainedAgent, path: Path, programs: Sequence[Program] = (
 
 
 def observations(agent: TrainedAgent, count: int) -> Iterator[tuple[Observation, Program]]:
-    """What an arm that moves at random sees in the agent's arena: a scene for each condition."""
+    """What an arm that moves at random sees in the agent's arena: a scene for each condition
+    without comparisons."""
     conditions = conditions_for(agent.design)
     steps = -(-count // len(conditions))  # rounded up
     task = task_seen(agent.arena, agent.design, SCENES_SEED, agent.perception)
@@ -85,6 +86,8 @@ def observations(agent: TrainedAgent, count: int) -> Iterator[tuple[Observation,
     def found() -> Iterator[tuple[Observation, Program]]:
         for scene, condition in enumerate(cycle(conditions)):
             seen, _ = task.reset(scene, condition)
+            if task.program.compares:  # the agent compares outside the networks
+                continue
             for _ in range(min(steps, agent.arena.episode_steps)):
                 yield seen, task.program
                 seen, _ = task.step(act(task))
