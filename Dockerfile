@@ -1,5 +1,5 @@
-# An installed ROS 2 Jazzy with the five packages, built by colcon. It was not built by the project's
-# tests: none of its machines has Docker or an installed ROS.
+# An installed ROS 2 Jazzy with the five packages, built by colcon. Not built by the
+# project's tests. Build it from a fresh clone, since all files are copied.
 #
 #   docker build -t pa_ros .
 #   docker run --rm -it pa_ros pa_ros launch
@@ -13,7 +13,7 @@ RUN apt-get update && apt-get install -y --no-install-recommends \
 # Jazzy's messages are compiled for NumPy 1, so the exact versions of constraints.txt do not apply.
 RUN python3 -m venv --system-site-packages /opt/venv \
     && touch /opt/venv/COLCON_IGNORE \
-    && /opt/venv/bin/pip install --no-cache-dir --extra-index-url https://download.pytorch.org/whl/cpu \
+    && /opt/venv/bin/pip install --no-cache-dir \
       "numpy<2" argcomplete gymnasium matplotlib mcap mujoco nanobind Pillow pydantic PyYAML \
       "rich>=13.3.3" rosbags safetensors torch
 
