@@ -79,9 +79,8 @@ class Condition:
     # "moved", "target": its argument is an OR with another present object
     either: tuple[str, ...] = ()
     chain: int = 0  # programs of a THEN; 0: a single program
-    avoided: tuple[
-        Kind, ...
-    ] = ()  # from which the set to avoid is drawn; empty: nothing is avoided
+    # The set to avoid is drawn from these; empty: nothing is avoided.
+    avoided: tuple[Kind, ...] = ()
     avoids: str = "one"  # of them; "or": two of them; "not": all but the target
     avoiding: float = 1.0  # share of episodes that avoid something
     near_starts: float = 0.0  # share of episodes that start with the hand beside the moved block

@@ -23,7 +23,7 @@ from pa_ros.world import Reward
 def camera_of(run: Path | None, arena: ArenaConfig, design: Design, perception: str = TOLD) -> str:
     """The calibration of the camera that a run sees through (`perception.VIEWS`); "" for TOLD.
 
-    `run` is the folder of one that is resumed, and keeps its own. ConfigError if it is told.
+    A resumed run keeps its own camera; `run` is its folder. ConfigError if it has none.
     """
     if run is None or perception == TOLD:
         return calibrated(arena, design, perception)

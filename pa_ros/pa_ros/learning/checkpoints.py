@@ -115,7 +115,7 @@ def read_metadata(path: Path) -> dict[str, Any]:
 def camera_of(path: Path) -> str:
     """The calibration of the camera through which a checkpoint's agent sees.
 
-    Raises ConfigError for an agent that is told what blocks are; CheckpointError.
+    Raises ConfigError for an agent without a camera; CheckpointError.
     """
     if found := str(read_metadata(path)["extra"].get("perception", "")):
         return found

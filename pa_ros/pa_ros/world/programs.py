@@ -68,7 +68,7 @@ class ProgramTable:
         return np.array([(f.moved, f.target) for f in self._flat], np.int32).reshape(-1, 2)
 
     def avoided(self) -> Int32:
-        """Register of each program's set to avoid, that of HAND if there is none: [P]."""
+        """Register of the set that each program avoids, [P]; HAND's if it avoids nothing."""
         return np.array([f.avoided for f in self._flat], np.int32)
 
     def arrays(self) -> Arrays:

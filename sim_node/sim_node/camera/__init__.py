@@ -1,1 +1,1 @@
-"""A camera as a node: blocks as pictures show them, in place of what is told of them."""
+"""A camera as a node: it replaces the blocks of observations by those that pictures show."""
