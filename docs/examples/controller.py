@@ -6,6 +6,7 @@ from rclpy.node import Node
 
 from agent_node.inputs import ProgramBook
 from pa_ros.acting.actor import Actor
+from pa_ros.language import stages
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.ros import topics
 from pa_ros.ros.node_main import run_node
@@ -46,8 +47,10 @@ class Controller(Node):
             return
         step = decode_step(message, len(self.arena.joint_names))
         seen = step.observation
-        if step.program:  # [J], shares of the joints' speed limits
-            action = self.policy.act(seen, self.book.program(step.program))
+        if step.program:
+            stage = step.verdict.stage if step.verdict else 0  # of a goal over time
+            program = stages(self.book.program(step.program))[stage]
+            action = self.policy.act(seen, program)  # [J], shares of the joints' speed limits
             answered = seen.episode, seen.step, seen.stamp_ns
             command = Command(*answered, "my-controller", self.policy.version, action, 1, seen.step)
             self.commands.publish(encode_command(command))

@@ -18,7 +18,7 @@ In one process, without ROS:
     agent.act(arena.observation, "NEAR(HAND, SPHERE)")  # joint velocities, rad/s
     agent.explain(arena.observation, "NEAR(HAND, SPHERE)")  # what each word means to the agent
     mine = pa_ros.train("2-L", out="runs/mine", frames=30_000)
-    pa_ros.evaluate(mine, ["NEAR(HAND, RED)", "NEAR(HAND, NOT(CUBE))"], episodes=20)
+    pa_ros.evaluate(mine, ["NEAR(HAND, AND(BLUE, SPHERE))"], episodes=20)
 
 The arena is a Gymnasium environment (`pa_ros.arena.ReachEnv`) and a ROS 2 node, too. docs/python.md
 has more; `pa_ros --help` lists the commands.
@@ -90,11 +90,13 @@ def train(
     arm: str = "jaco",
     preset: str = "fast",
     resume: bool = False,
+    evaluate_every: int = 10_000,
     **settings: Any,
 ) -> TrainedAgent:
     """Train an agent as `pa_ros train` does, and return it; `out` is a new folder for all results.
 
-    The same seed gives the same weights. `settings` are other ones by their dotted names, such as
+    The same seed gives the same weights. `evaluate_every` is the number of frames between two rows
+    of scores in OUT/progress.csv. `settings` are other ones by their dotted names, such as
     `**{"learner.updates.discount": 0.9}`, `algorithm="td3"`, `protocol="paper"`. Raises ConfigError
     for settings that cannot be, CheckpointError if `out` contains a run and `resume` is false.
     """
@@ -107,7 +109,9 @@ def train(
     blocks = chosen.design_of()
     protocol = {"protocol": usual_protocol(blocks.vocabulary.moves_objects)}
     learning = LearningSettings(**(protocol | settings))
-    config = TrainConfig(out=Path(out), seed=seed, frames=frames)
+    config = TrainConfig(
+        out=Path(out), seed=seed, frames=frames, evaluate_every_frames=evaluate_every
+    )
     train_agent(chosen.arena_config(), blocks, learning, config, resume=resume)
     return load(Path(out).resolve())
 

@@ -33,7 +33,8 @@ def test_training_in_python_works_as_the_pages_show(tmp_path, monkeypatch, capsy
     short = named_block("python.md", "train").replace("30_000", "100")
     exec(short.replace("episodes=20", "episodes=1"), {})
     rows = capsys.readouterr().out.splitlines()[-2:]
-    assert [row.rpartition(" ")[0] for row in rows] == ["NEAR(HAND, RED)", "NEAR(HAND, NOT(CUBE))"]
+    untrained = ["NEAR(HAND, AND(BLUE, SPHERE))", "NEAR(HAND, AND(BLUE, NOT(CUBE)))"]
+    assert [row.rpartition(" ")[0] for row in rows] == untrained
     exec(named_block("learning.md", "loop").replace("30_000", "100"), {})
     assert "'frames': 100" in capsys.readouterr().out
 
@@ -65,5 +66,6 @@ def test_the_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
     outputs = ["".join(str(output) for output in cell.outputs) for cell in code]
     assert all("Traceback" not in text for text in outputs)
-    assert sum("image/png" in text for text in outputs) == 3
+    assert sum("image/png" in text for text in outputs) == 4
+    assert "success True" in "".join(outputs)
     assert (next(tmp_path.glob("tour-*")) / "bag").is_dir()

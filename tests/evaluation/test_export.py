@@ -1,6 +1,7 @@
 """Agents for others: ONNX files that act as the agent does, and model cards of measured scores."""
 
 import json
+import re
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -9,14 +10,16 @@ import numpy as np
 import pytest
 import yaml
 
+import pa_ros
+from helpers.pictures import opengl
 from pa_ros.acting.actor import Actor
 from pa_ros.arena import conditions_for, design_named, preset_named, world_of
 from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.evaluation.agents import TrainedAgent, load_agent
-from pa_ros.evaluation.cards import model_card
-from pa_ros.evaluation.export import PARITY, export_onnx, observations
+from pa_ros.evaluation.cards import SCORES, model_card
+from pa_ros.evaluation.export import OBSERVATIONS, PARITY, export_onnx, observations
 from pa_ros.language import parse
 from pa_ros.learning.checkpoint_files import SHIPPED
 from pa_ros.networks.config import NetworkConfig
@@ -53,6 +56,16 @@ def agent_of(design: str, relations=("NEAR",), **network: object) -> TrainedAgen
 def test_the_onnx_file_acts_as_the_agent_on_a_thousand_observations(agent, tmp_path):
     path = tmp_path / "actor.onnx"
     assert 0 < export_onnx(agent, path) <= PARITY
+
+
+@needs_onnx
+def test_the_file_acts_as_an_agent_that_loses_blocks_from_sight(tmp_path):
+    pytest.importorskip("cv2", reason="no OpenCV: install programmable-agents[camera]")
+    opengl()
+    agent = load_agent("shipped:camera")
+    seen = {(seen.episode, len(seen.objects)) for seen, _ in observations(agent, OBSERVATIONS)}
+    assert len(seen) > len({episode for episode, _ in seen})
+    assert 0 < export_onnx(agent, tmp_path / "actor.onnx") <= PARITY
 
 
 @needs_onnx
@@ -114,7 +127,13 @@ def test_observations_show_all_conditions_of_the_design():
 def test_the_card_of_a_shipped_agent_is_made_from_its_recorded_scores(name):
     card = (SHIPPED / name / "README.md").read_text()
     assert card == results_tables.card(SHIPPED / name)
-    assert "| held-out programs |" in card
+    (result,) = yaml.safe_load(card.split("---\n")[1])["model-index"]
+    scores = {(m["type"], m["name"]) for m in result["results"][0]["metrics"]}
+    named = [(kind, name) for kind in SCORES for name in ("held-out programs", "trained programs")]
+    assert scores == {*named} or name == "camera"
+    assert result["name"].endswith("-camera") == (name == "camera")
+    for function in re.findall(r"`pa_ros\.(\w+)\(", card):
+        assert function in pa_ros.__all__
 
 
 def test_a_card_has_scores_that_a_hub_reads(tmp_path):
@@ -132,8 +151,10 @@ def test_a_card_has_scores_that_a_hub_reads(tmp_path):
     assert main(["export", "shipped:2-L", *given]) == 0
     header = yaml.safe_load(card.read_text().split("---\n")[1])
     (result,) = header["model-index"][0]["results"]
-    metric = {"type": "normalized", "name": "held-out programs", "value": 0.25}
-    assert result["metrics"] == [metric]
+    assert result["metrics"] == [
+        {"type": "normalized", "name": "held-out programs", "value": 0.25},
+        {"type": "success_rate", "name": "held-out programs", "value": 0.5},
+    ]
     assert "| held-out programs | 0.25 | 50% |" in card.read_text()
     del report["eval.eval.normalized"]  # agents that move blocks have shares of success alone
     assert "| held-out programs | – | 50% |" in model_card("shipped:2-L", report)

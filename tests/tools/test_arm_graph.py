@@ -70,6 +70,7 @@ def test_a_second_arm_joins_sees_the_table_and_executes(arm: Arm, capsys) -> Non
     assert "blocks: RED CUBE, GREEN CUBE, RED SPHERE, GREEN CYLINDER\n" in shown
     assert f"\n  {REACHABLE}\n" in shown
     assert result.success and result.distance < 0.2 and 0 < result.reached_s < 30
+    assert arm.scene().picture(64).shape == (64, 64, 3)
     wait_for(lambda: arm.scene().satisfied)
     assert arm.scene().program == REACHABLE
 

@@ -39,7 +39,11 @@ def robot_node(folder: Path) -> list[str]:
 def test_an_example_executes_a_program_and_the_arm_refuses_another(robot, tmp_path):
     of_robot = [example("simulated_arm.py"), robot_node(tmp_path), node("agent_node")]
     nodes = of_robot if robot else [node("sim_node"), example("controller.py")]
-    programs = {"NEAR(HAND, AND(RED, CUBE))": 0, **({"NEAR(HAND, RAD)": 2} if robot else {})}
+    programs = {
+        "NEAR(HAND, AND(RED, CUBE))": 0,
+        "THEN(NEAR(HAND, SPHERE), NEAR(HAND, CYLINDER))": 0,
+    }
+    programs |= {"NEAR(HAND, RAD)": 2} if robot else {}
     with running(tmp_path, *nodes):
         for program, status in programs.items():
             assert main(["send", program, "--wait", "--timeout", "60"]) == status, program

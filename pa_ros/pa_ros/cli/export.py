@@ -27,11 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the files that were asked for."""
     if options.onnx is None and options.card is None:
-        raise ConfigError("export: expected --onnx FILE.onnx or --card FILE.md")
+        raise ConfigError("expected --onnx FILE.onnx or --card FILE.md")
     if options.onnx is None and options.program:
-        raise ConfigError("export --program: expected --onnx with it")
+        raise ConfigError("--program: expected --onnx with it")
     if options.card is None and options.scores is not None:
-        raise ConfigError("export --scores: expected --card with it")
+        raise ConfigError("--scores: expected --card with it")
     if options.onnx is not None:
         _onnx(options)
     if options.card is not None:

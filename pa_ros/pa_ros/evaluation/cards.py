@@ -43,11 +43,12 @@ def model_card(path: str | Path, report: Report | None = None) -> str:
     episodes = source["episodes" if report is None else "eval.episodes"]
     words = agent.design.vocabulary
     name = f"{agent.design.name}-{agent.arena.arm}-{agent.arena.preset}"
+    name += "-camera" if agent.perception else ""
     table = "".join(f"| {in_words(condition)} | {_cells(scores)} |\n" for condition, scores in rows)
     return _TEXT.format(
         name=name,
         design=agent.design.name,
-        metrics="".join(f"    - {_metric(*row)}\n" for row in rows if row[0] in SHIPPED),
+        metrics="".join(_metrics(*row) for row in rows if row[0] in SHIPPED),
         arm=agent.arena.arm,
         preset=agent.arena.preset,
         words=", ".join(words.words),
@@ -89,10 +90,13 @@ def _rows(source: Mapping[str, Any]) -> list[tuple[str, dict[str, float]]]:
     return [*(found or shipped).items()]
 
 
-def _metric(condition: str, scores: Mapping[str, float]) -> str:
-    """A condition's score as a hub reads it, on one line of YAML."""
-    kind = next(score for score in SCORES if score in scores)
-    return f'{{type: {kind}, name: "{in_words(condition)}", value: {scores[kind]:.4g}}}'
+def _metrics(condition: str, scores: Mapping[str, float]) -> str:
+    """A condition's scores as a hub reads them, each on one line of YAML."""
+    return "".join(
+        f'    - {{type: {kind}, name: "{in_words(condition)}", value: {scores[kind]:.4g}}}\n'
+        for kind in SCORES
+        if kind in scores
+    )
 
 
 def _cells(scores: Mapping[str, float]) -> str:
@@ -124,9 +128,10 @@ It was trained for {frames:,} frames by {algorithm}, seed {seed}, under {count} 
 A score is the reward per step, 0 for a random policy and 1 for a script that knows the target, with
 a 95 % interval. *Satisfied* is the share of episodes that end so. Each row has {episodes} episodes
 that were not used in training, in simulation, with {versions}.
+The project's docs/arena.md says what each row draws.
 
 | Programs | Score | Satisfied |
 | --- | --- | --- |
 {table}
-`pa_ros.load_agent(PATH)` loads this folder; `pa_ros export PATH --onnx FILE` writes an ONNX file.
+`pa_ros.load(PATH)` loads this folder; `pa_ros export PATH --onnx FILE` writes an ONNX file.
 """

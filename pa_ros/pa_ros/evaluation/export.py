@@ -57,8 +57,8 @@ def export_onnx(agent: TrainedAgent, path: Path, programs: Sequence[Program] = (
     session = InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     actor, worst = Actor.of(agent.snapshot), 0.0
     found = observations(agent, OBSERVATIONS)
-    for (_, program), members in groupby(found, lambda pair: (pair[0].episode, pair[1])):
-        scenes = [seen for seen, _ in members]  # of one episode, so of equally many objects
+    for (_, program), members in groupby(found, lambda pair: (len(pair[0].objects), pair[1])):
+        scenes = [seen for seen, _ in members]
         names = ["objects", "joint_position", "joint_velocity"]
         names += ["hand_pose"] if network.world.sees_hand_pose else []
         feeds = {n: np.array([getattr(seen, n) for seen in scenes], np.float32) for n in names}

@@ -20,9 +20,6 @@ from mcp.server.mcpserver.exceptions import ToolError
 from mcp.types import ToolAnnotations
 from PIL import Image as Pillow
 
-from pa_ros.arena.render import draw
-from pa_ros.bags.episodes import RecordedEpisode, Row
-from pa_ros.bags.film import Stage
 from pa_ros.core.errors import ConfigError, PaError
 
 if TYPE_CHECKING:
@@ -108,16 +105,8 @@ class Table:
     def picture(self) -> Image:
         """The table from above, drawn from what the arena observed: the hand is a white ring at the
         end of the gray arm, and objects that the program in force names have a black edge."""
-        scene = self.arm.scene()
-        seen = scene.step.observation
-        row = Row(
-            seen.step, seen.stamp_ns, seen.objects, seen.hand_index, scene.step.program,
-            seen.joint_position, seen.joint_velocity, hand_pose=seen.hand_pose,
-        )  # fmt: skip
-        stage = Stage(RecordedEpisode(seen.episode, False, [row]), scene.arena)
-        stage.show(row)
         file = io.BytesIO()
-        Pillow.fromarray(draw(stage.task, PICTURE_PX, rendered=False)).save(file, "png")
+        Pillow.fromarray(self.arm.scene().picture(PICTURE_PX)).save(file, "png")
         return Image(data=file.getvalue(), format="png")
 
     def execute(self, program: str, timeout_s: float = 10.0) -> dict[str, Any]:

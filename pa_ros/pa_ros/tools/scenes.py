@@ -88,6 +88,22 @@ class Scene:
         """The programs that make sense, one a line."""
         return "\n  ".join(["programs that make sense now:", *self.programs])
 
+    def picture(self, side_px: int = 480) -> Any:
+        """The table from above, an RGB array [side, side, 3] of uint8, drawn from what the arena
+        observed: the hand is a white ring, and objects that the program names have a black edge."""
+        from pa_ros.arena.render import top_view
+        from pa_ros.bags.episodes import RecordedEpisode, Row
+        from pa_ros.bags.film import Stage
+
+        seen = self.step.observation
+        row = Row(
+            seen.step, seen.stamp_ns, seen.objects, seen.hand_index, self.step.program,
+            seen.joint_position, seen.joint_velocity, hand_pose=seen.hand_pose,
+        )  # fmt: skip
+        stage = Stage(RecordedEpisode(seen.episode, False, [row]), self.arena)
+        stage.show(row)
+        return top_view(stage.task, side_px)
+
     def shown_distance(self) -> str:
         """The distance with its unit, and whether the program is satisfied."""
         if not isfinite(self.distance):
