@@ -24,7 +24,7 @@ def snapshot(network: NetworkConfig = NETWORK):
     return Learner(network, SETTINGS, PROGRAMS, seed=0).snapshot()
 
 
-def test_exploring_is_acting_plus_the_episodes_noise() -> None:
+def test_exploring_adds_the_episodes_noise_to_what_the_networks_say() -> None:
     noise = SETTINGS.exploration, 0.1, 5, 6
     actor = Actor(NETWORK, noise=ExplorationNoise(*noise))
     actor.load(snapshot())
@@ -33,8 +33,8 @@ def test_exploring_is_acting_plus_the_episodes_noise() -> None:
     for episode in (0, 4):
         observation, _ = world.reset(episode)
         for _ in range(5):
-            greedy = actor.act(observation, world.program)
-            expected = np.clip(greedy + same.sample(episode), -1, 1).astype(np.float32)
+            said = actor.infer(observation, world.program)
+            expected = np.clip(said + same.sample(episode), -1, 1).astype(np.float32)
             action = actor.explore(observation, world.program)
             np.testing.assert_array_equal(action, expected)
             assert action.dtype == np.float32

@@ -9,6 +9,7 @@ import pytest
 from helpers.learners import ME, WORDS, Arm, following
 from helpers.messages import judged
 from helpers.rejections import rejected
+from pa_ros.acting.actor import Actor
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.execution import ExecutionWatch, window_s
 from pa_ros.arena import ReachTask, design_named, preset_named, scripted_action
@@ -59,6 +60,25 @@ def test_own_judgement_begins_again_with_another_episode(task: ReachTask, agent:
     for observation, stage in ((start, 0), (near, 1), (start, 1), (replace(start, episode=9), 0)):
         own = agent.verdict(Step(replace(observation, stamp_ns=start.stamp_ns + stage)), goal)
         assert own is not None and own.stage == stage
+
+
+def test_of_several_blocks_the_hand_goes_to_the_nearest(task: ReachTask) -> None:
+    """The networks are not shown the others that the program names, but what else there is."""
+    actor = Actor.of(load_policy(Path("shipped:3-D")))
+    for episode in range(10):
+        observation, _ = task.reset(episode, "several-2")
+        blocks, hand = observation.objects[:, :3], observation.hand_index
+        near, far = sorted(
+            task.verifier.targets, key=lambda i: float(np.linalg.norm(blocks[i] - blocks[hand]))
+        )
+        alone = np.delete(observation.objects, far, 0)
+        np.testing.assert_array_equal(
+            actor.act(observation, task.program),
+            actor.act(replace(observation, objects=alone), task.program),
+        )
+        others = np.delete(observation.objects, near, 0)
+        there = actor.act(replace(observation, objects=others), task.program)
+        assert not np.array_equal(actor.act(observation, task.program), there)
 
 
 def test_a_stage_that_the_goal_lacks_is_rejected(task: ReachTask, agent: Agent) -> None:

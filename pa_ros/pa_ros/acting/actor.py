@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
+from itertools import chain
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from pa_ros.acting.errors import ActingError
 from pa_ros.acting.exploration import ExplorationNoise
@@ -50,6 +53,7 @@ class Actor:
     ) -> None:
         self.network, self.logic = network, logic
         self._noise = noise
+        self._evaluates_programs = family_of(network).evaluates_programs
         self._shapes = actor_shapes(network)
         world = network.world
         self._world, self._features = world, (world.object_features, world.arm_features)
@@ -106,17 +110,36 @@ class Actor:
     def act(self, observation: Observation, program: Program) -> Float32:
         """The greedy action, [J] in [-1, 1].
 
+        Of the objects that the program means, the agent goes for the nearest two, or moves the hand
+        to the nearest; networks alone would stop between them, since they sum over objects.
+
         Raises ProgramError for a word that the weights do not know, ActingError for objects or an
         arm of another size.
         """
+        return self.infer(observation, program, commits=self._evaluates_programs)
+
+    def explore(self, observation: Observation, program: Program) -> Float32:
+        """The networks' action with this episode's exploration noise, clipped to [-1, 1], [J]."""
+        if self._noise is None:
+            raise ActingError("policy: expected exploration noise, got a greedy actor")
+        action = self.infer(observation, program, commits=False)
+        return self._noise.explore(action, observation.episode)
+
+    def infer(self, observation: Observation, program: Program, commits: bool = False) -> Float32:
+        """The networks' action. They are not shown what the program means but comparisons, or an
+        agent that `commits`, did not choose."""
         if self._inference is None:
             raise ActingError("policy: expected weights before acting, got none")
-        arm = self._arm(observation)
-        if program.compares:
-            shown = [i for i, kept in enumerate(self._wins(observation, program)) if kept]
-            objects, hand = observation.objects[shown], shown.index(observation.hand_index)
-            return self._inference.act(objects, arm, program.sets_alone, hand)
-        return self._inference.act(observation.objects, arm, program, observation.hand_index)
+        arm, objects, hand = self._arm(observation), observation.objects, observation.hand_index
+        if program.compares or (commits and program.avoided is None):
+            meant = self._meant(observation)(program)
+            chosen = _compared(observation, program, meant)
+            if commits:
+                chosen = _nearest_two(chosen, objects)
+            hidden = {*chain(*meant)} - {hand, *chain(*chosen)}
+            shown = [i for i in range(len(objects)) if i not in hidden]
+            objects, hand = objects[shown], shown.index(hand)
+        return self._inference.act(objects, arm, program.sets_alone, hand)
 
     def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
         """p, [N]: the degree to which the program means each object.
@@ -132,8 +155,9 @@ class Actor:
         bodiless = self.network.vocabulary.bodiless
         p = relevance(program.relation_alone, phi.tolist(), rows, hand, self.logic, bodiless)
         if program.compares:
-            wins = self._wins(observation, program)
-            p = [one if kept else 0.0 for one, kept in zip(p, wins, strict=True)]
+            meant = self._meant(observation)(program)
+            lost = {*chain(*meant)} - {*chain(*_compared(observation, program, meant))}
+            p = [0.0 if i in lost else one for i, one in enumerate(p)]
         return tuple(p)
 
     def judge(self, observation: Observation, scoring: Scoring) -> Callable[[Program], Score]:
@@ -145,12 +169,9 @@ class Actor:
         sets_of = self._meant(observation)
 
         def score(program: Program) -> Score:
-            seen, pose = observation.objects, observation.hand_pose
-            moved, targets = (
-                choose(comparison, one, seen, pose)
-                for comparison, one in zip(program.chosen, sets_of(program), strict=True)
-            )
+            moved, targets = _compared(observation, program, sets_of(program))
             pair = None if program.moves_hand else moved
+            seen, pose = observation.objects, observation.hand_pose
             return scoring.of_targets(targets, seen, program.relation, pose, pair)
 
         return score
@@ -178,14 +199,6 @@ class Actor:
 
         return sets
 
-    def _wins(self, observation: Observation, program: Program) -> list[bool]:
-        """Whether a program's comparisons choose each object, or don't concern it. Networks know
-        p, but not whose place comes first: they are not shown what was not chosen."""
-        lost: set[int] = set()
-        for comparison, one in zip(program.chosen, self._meant(observation)(program), strict=True):
-            lost |= {*one} - {*choose(comparison, one, observation.objects, observation.hand_pose)}
-        return [i not in lost for i in range(len(observation.objects))]
-
     def _arm(self, observation: Observation) -> Float32:
         """Arm part of Ω, [A]; ActingError for an observation of another size than the weights'."""
         arm = self._world.arm(observation)
@@ -198,11 +211,27 @@ class Actor:
             )
         return arm
 
-    def explore(self, observation: Observation, program: Program) -> Float32:
-        """The action with this episode's exploration noise, clipped to [-1, 1], [J]."""
-        if self._noise is None:
-            raise ActingError("policy: expected exploration noise, got a greedy actor")
-        return self._noise.explore(self.act(observation, program), observation.episode)
+
+def _compared(
+    observation: Observation, program: Program, sets: Sequence[Sequence[int]]
+) -> list[tuple[int, ...]]:
+    """What a program's comparisons choose of its two sets."""
+    return [
+        choose(comparison, one, observation.objects, observation.hand_pose)
+        for comparison, one in zip(program.chosen, sets, strict=True)
+    ]
+
+
+def _nearest_two(sets: Sequence[Sequence[int]], objects: Float32) -> list[tuple[int, ...]]:
+    """One object of each of two sets, so that the two are as near as possible; the sets themselves
+    if there are no two."""
+    moved, targets = sets
+    places = objects[:, :3].astype(np.float64)
+    pairs = [(i, j) for i in moved for j in targets if i != j]
+    if not pairs:
+        return [tuple(moved), tuple(targets)]
+    i, j = min(pairs, key=lambda pair: float(np.linalg.norm(places[pair[0]] - places[pair[1]])))
+    return [(i,), (j,)]
 
 
 def _why_torch(network: NetworkConfig, inference: str) -> str:

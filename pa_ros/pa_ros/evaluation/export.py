@@ -1,4 +1,4 @@
-"""Trained agents as ONNX files, compared with what the agent does."""
+"""Trained networks as ONNX files, compared with what they compute here."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def export_onnx(agent: TrainedAgent, path: Path, programs: Sequence[Program] = (
     """Write an agent's actor as an ONNX file; `programs` join those of training in its metadata.
 
     Executes the file by onnxruntime on OBSERVATIONS observations, and returns the largest
-    difference from the agent's actions. Raises ConfigError without the extra onnx, for other
+    difference from its actions. Raises ConfigError without the extra onnx, for other
     networks, or if the difference exceeds PARITY; the file is left then, to be looked at.
     """
     try:
@@ -65,12 +65,12 @@ def export_onnx(agent: TrainedAgent, path: Path, programs: Sequence[Program] = (
         codes = program_inputs(program, network).items()
         feeds |= {name: np.array([code] * len(scenes), np.int64) for name, code in codes}
         (actions,) = session.run(["action"], feeds)
-        expected = np.array([actor.act(seen, program) for seen in scenes])
+        expected = np.array([actor.infer(seen, program) for seen in scenes])
         worst = max(worst, float(np.abs(actions - expected).max()))
     if not worst <= PARITY:
         raise ConfigError(
-            f"export: {path}: expected the agent's actions within {PARITY:g}, got a difference of "
-            f"{worst:.2g}: do not use this file"
+            f"export: {path}: expected the networks' actions within {PARITY:g}, got a difference "
+            f"of {worst:.2g}: do not use this file"
         )
     return worst
 
