@@ -25,20 +25,20 @@ def extended(*names: str) -> list[str]:
 
 def test_only_the_arena_loads_an_arm_and_a_property_group(tmp_path: Path) -> None:
     """It announces the joints and the world, which is all that agent and learner need."""
-    files = extended("crane", "sizes")
+    files = extended("crane", "shades")
     given: Parameters = {
-        "sim_node": {"arm": "crane", "design": "sizes", "extensions": files},
+        "sim_node": {"arm": "crane", "design": "shades", "extensions": files},
         "agent_node": {"learning": True, "agent_id": "agent"},
         "learner_node": {**SMALL, "learner.detectors.sparsity": 0},
     }
     policy, arena = learned_over_the_graph(tmp_path, given, FRAMES // 100)
-    config, design = preset_named("fast", "crane"), design_named("sizes")
+    config, design = preset_named("fast", "crane"), design_named("shades")
     assert (arena.arm, arena.speed_limits) == ("crane", config.joint_speed_limits)
     world = world_of(config, design)
     assert policy.world_digest == world.digest
     assert policy.tensors["output.weight"].shape[0] == len(arena.joint_names) == 4
-    size = policy.tensors["detectors.weight"][-2:, world.schema.slices["size"]]
-    assert np.abs(size).min() > 0  # weights start at 0: the number is used
+    shade = policy.tensors["detectors.weight"][-2:, world.schema.slices["shade"]]
+    assert np.abs(shade).min() > 0  # weights start at 0: the number is used
 
 
 def test_all_nodes_load_a_relation_and_a_reward(tmp_path: Path) -> None:

@@ -23,13 +23,13 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.world.schema import ObjectSchema, OneHot, PropertyGroup
 
-SIZES = str(Path(__file__).with_name("sizes.py"))
+SHADES = str(Path(__file__).with_name("shades.py"))
 
 
 @pytest.fixture
 def design() -> Design:
-    extensions.load([SIZES])
-    return design_named("sizes")
+    extensions.load([SHADES])
+    return design_named("shades")
 
 
 @pytest.fixture
@@ -37,40 +37,30 @@ def arena() -> ArenaConfig:
     return preset_named("fast")
 
 
-def test_blocks_differ_in_size_in_the_simulation_and_in_the_features(
+def test_blocks_differ_in_shade_on_the_table_and_in_the_features(
     design: Design, arena: ArenaConfig
 ) -> None:
     task = ReachTask(arena, design, seed=0)
-    assert (
-        task.world.schema.feature_names[-1] == "size_m_from_middle"
-        and task.world.object_features == 17
-    )
+    assert task.world.schema.feature_names[-1] == "shade_from_middle"
     observation, _ = task.reset(0)
-    model, seen = task.simulation.model, set()
     for i, block in enumerate(task.episode.blocks):
-        edge = {"SMALL": 0.04, "LARGE": 0.08}[block.kind["size"]]
-        np.testing.assert_allclose(model.geom(f"block{i}").size, edge / 2)
-        assert observation.objects[i + 1, -1] == pytest.approx(edge - 0.06)
-        seen.add(edge)
-    assert seen == {0.04, 0.08}
-    for _ in range(10):  # they stay at rest
-        observation, _ = task.step(np.zeros(6))
-    lengths = task.simulation.positions[1:, 2]
-    edges = observation.objects[1:, -1] + 0.06
-    np.testing.assert_allclose(lengths, edges / 2, atol=2e-4)
+        brightness = {"DARK": 0.4, "BRIGHT": 1.0}[block.kind["shade"]]
+        assert observation.objects[i + 1, -1] == pytest.approx(brightness - 0.7)
+        plain = look_of(Kind(color=block.kind["color"], shape="CUBE")).rgb
+        assert look_of(block.kind).rgb == pytest.approx([brightness * one for one in plain])
     assert top_view(task, 120).shape == (120, 120, 3)
 
 
 def test_every_group_has_its_conditions(design: Design, arena: ArenaConfig) -> None:
     names = conditions_for(design)
-    assert {"only-size", "not-size", "only-color", "not-color", "depth-3"} <= set(names)
-    assert not {"not-shape", "ignore-new", "reach-new-size"} & set(names)  # one shape, none new
+    assert {"only-shade", "not-shade", "only-color", "not-color", "depth-3"} <= set(names)
+    assert not {"not-shape", "ignore-new", "reach-new-shade"} & set(names)  # one shape, none new
     task = ReachTask(arena, design, seed=2)
     for name in names:
         task.reset(0, name)
         assert name.startswith("several") or len(task.verifier.targets) == 1
-    task.reset(0, "not-size")
-    assert "NOT(SMALL)" in str(task.program) or "NOT(LARGE)" in str(task.program)
+    task.reset(0, "not-shade")
+    assert "NOT(DARK)" in str(task.program) or "NOT(BRIGHT)" in str(task.program)
 
 
 def test_it_is_learned_in_process(design: Design, arena: ArenaConfig, tmp_path: Path) -> None:
@@ -80,12 +70,12 @@ def test_it_is_learned_in_process(design: Design, arena: ArenaConfig, tmp_path: 
     assert learner.engine.name == "fused" and learner.counters.updates == 200
     arrays = learner.engine.tensors()
     assert arrays["actor.detectors.weight"].shape == (len(design.vocabulary.words), 17 + 18)
-    column = world.schema.slices["size"]
-    rows = [design.vocabulary.row[word] for word in ("SMALL", "LARGE")]
+    column = world.schema.slices["shade"]
+    rows = [design.vocabulary.row[word] for word in ("DARK", "BRIGHT")]
     learned = arrays["actor.detectors.weight"][rows, column]
     assert np.abs(learned).min() > 0  # they were 0 at the start, so the number is used
-    sizes = learner.replay.arrays["objects"][: learner.replay.rows, 1:, column]
-    np.testing.assert_allclose(np.unique(sizes), [-0.02, 0.02], atol=1e-7)
+    shades = learner.replay.arrays["objects"][: learner.replay.rows, 1:, column]
+    np.testing.assert_allclose(np.unique(shades), [-0.3, 0.3], atol=1e-7)
     assert load_policy(tmp_path / "checkpoint").world_digest == world.digest
 
 

@@ -30,12 +30,13 @@ def test_a_comparison_chooses_by_place(comparison: str, chosen: int | None) -> N
     objects = scene((0.3, 0.0), (0.1, -0.5), (0.2, 0.4), (0.0, 0.9))
     among = (1, 2, 3)  # the last object is not in the set
     expected = among if chosen is None else (chosen,)
-    assert choose(comparison, among, objects, IN_BASE) == expected
+    assert choose(comparison, among, objects, IN_BASE, DESIGN.schema) == expected
 
 
 def test_places_are_compared_in_the_frame_of_the_base() -> None:
     half_turn = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0])  # of the hand, about z
-    assert choose("LEFTMOST", (1, 2), scene((0.0, 0.4), (0.0, -0.4)), half_turn) == (2,)
+    objects = scene((0.0, 0.4), (0.0, -0.4))
+    assert choose("LEFTMOST", (1, 2), objects, half_turn, DESIGN.schema) == (2,)
 
 
 def test_text_and_program() -> None:
@@ -60,6 +61,22 @@ def test_a_comparison_elsewhere_is_rejected(text: str, position: int) -> None:
     with pytest.raises(ProgramError) as caught:
         parse_goal(text, WORDS)
     assert caught.value.position == position
+
+
+def test_sizes_are_compared_by_their_number() -> None:
+    sized = design_named("sizes")
+    objects = np.zeros((4, sized.schema.width), np.float32)
+    objects[1:, -1] = -0.01, 0.03, 0.02
+    for comparison, chosen in (("LARGEST", (3,)), ("SMALLEST", (1,))):
+        assert choose(comparison, (1, 3), objects, IN_BASE, sized.schema) == chosen
+    text = "NEAR(HAND, LARGEST(NOT(RED)))"
+    assert str(parse(text, sized.vocabulary)) == text
+
+
+def test_a_world_without_sizes_compares_none() -> None:
+    with pytest.raises(ProgramError) as caught:
+        parse("NEAR(HAND, LARGEST(RED))", WORDS)
+    assert caught.value.code == "program.unknown_word" and caught.value.position == 11
 
 
 def test_networks_are_given_no_comparison() -> None:

@@ -23,6 +23,7 @@ from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import Tensors, actor_shapes, check_tensors
 from pa_ros.world.comparisons import choose
+from pa_ros.world.schema import ObjectSchema
 from pa_ros.world.scoring import Score, Scoring
 
 if TYPE_CHECKING:  # it loads torch, which the fused code does not need
@@ -133,7 +134,7 @@ class Actor:
         arm, objects, hand = self._arm(observation), observation.objects, observation.hand_index
         if program.compares or (commits and program.avoided is None):
             meant = self._meant(observation)(program)
-            chosen = _compared(observation, program, meant)
+            chosen = _compared(observation, program, meant, self._world.schema)
             if commits:
                 chosen = _nearest_two(chosen, objects)
             hidden = {*chain(*meant)} - {hand, *chain(*chosen)}
@@ -156,7 +157,9 @@ class Actor:
         p = relevance(program.relation_alone, phi.tolist(), rows, hand, self.logic, bodiless)
         if program.compares:
             meant = self._meant(observation)(program)
-            lost = {*chain(*meant)} - {*chain(*_compared(observation, program, meant))}
+            lost = {*chain(*meant)} - {
+                *chain(*_compared(observation, program, meant, self._world.schema))
+            }
             p = [0.0 if i in lost else one for i, one in enumerate(p)]
         return tuple(p)
 
@@ -169,7 +172,7 @@ class Actor:
         sets_of = self._meant(observation)
 
         def score(program: Program) -> Score:
-            moved, targets = _compared(observation, program, sets_of(program))
+            moved, targets = _compared(observation, program, sets_of(program), self._world.schema)
             pair = None if program.moves_hand else moved
             seen, pose = observation.objects, observation.hand_pose
             return scoring.of_targets(targets, seen, program.relation, pose, pair)
@@ -213,11 +216,14 @@ class Actor:
 
 
 def _compared(
-    observation: Observation, program: Program, sets: Sequence[Sequence[int]]
+    observation: Observation,
+    program: Program,
+    sets: Sequence[Sequence[int]],
+    schema: ObjectSchema,
 ) -> list[tuple[int, ...]]:
     """What a program's comparisons choose of its two sets."""
     return [
-        choose(comparison, one, observation.objects, observation.hand_pose)
+        choose(comparison, one, observation.objects, observation.hand_pose, schema)
         for comparison, one in zip(program.chosen, sets, strict=True)
     ]
 

@@ -13,7 +13,8 @@ from functools import lru_cache
 from pa_ros.arena.designs import Kind
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.extensions import Registry
-from pa_ros.world.schema import PLACE
+from pa_ros.language.syntax import SIZE
+from pa_ros.world.schema import MIDDLE_EDGE_M, PLACE, SIZED
 
 # Our own sizes; the paper gives none.
 # Half the cube's edge, half the cylinder's height, and the radius of sphere and cylinder.
@@ -97,6 +98,15 @@ APPEARANCES.register("shape", lambda look, value: replace(look, shape=value))
 APPEARANCES.register(
     "color", lambda look, value: replace(look, rgba=COLOR_RGBA.get(value, look.rgba))
 )
+APPEARANCES.register(
+    SIZE,
+    lambda look, value: with_edge(look, MIDDLE_EDGE_M + SIZED[SIZE].features.prototypes[value][0]),
+)
+
+
+def with_edge(look: Look, edge_m: float) -> Look:
+    """The same look in another size: that of a cube with this edge."""
+    return replace(look, scale=edge_m / (2 * BLOCK_HALF_SIZE_M))
 
 
 @lru_cache(maxsize=4096)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import lru_cache
 from itertools import combinations, product
 from typing import Any
 
@@ -31,12 +32,14 @@ from pa_ros.language import (
     parse,
     satisfying,
 )
-from pa_ros.language.syntax import COMPARISONS, NEAR
+from pa_ros.language.syntax import NEAR, OF_PLACES, OF_SIZES, SIZE
 
 SEVERAL = (1, 2, 3)  # blocks named in the conditions `several-…`; `several-all` names all
 CHAINS = (2, 4, 8)  # programs of a THEN
-# Comparisons: the condition, blocks on the table, and how many of them are compared.
-COMPARED = (("compare", 4, 2), ("compare-8", 8, 4))
+# Comparisons: the end of the condition's name, blocks on the table, and how many are compared.
+Compared = tuple[str, int, int]
+COMPARED: tuple[Compared, ...] = (("", 4, 2), ("-8", 8, 4))
+SIZES_COMPARED: tuple[Compared, ...] = (("-2", 2, 2), ("-8", 8, 4), ("-unseen", 8, 4))
 DEPTHS = (3, 4, 5, 6)  # depths of the longer programs; training programs are 2 deep
 NEAR_STARTS = 0.5  # in training: then random actions push the block, and learning can begin
 TRIES = 10_000  # draws of a longer program before it is given up
@@ -73,7 +76,7 @@ class Condition:
     combinations: bool | None = None
     depth: int = 0  # 0: a conjunction of the terms; else a random program of this depth
     named: int = 0  # blocks that a program of one word, NOT or OR names; 0: a program of the terms
-    compares: bool = False  # of the named blocks one is meant, by a comparison
+    compares: tuple[str, ...] = ()  # of the named blocks one is meant, by one of these comparisons
     moved: tuple[Kind, ...] = ()  # blocks to be moved; empty: the hand
     moved_terms: Mapping[str, Term] = field(default_factory=dict)  # how programs name them
     # "moved", "target": its argument is an OR with another present object
@@ -83,6 +86,7 @@ class Condition:
     avoided: tuple[Kind, ...] = ()
     avoids: str = "one"  # of them; "or": two of them; "not": all but the target
     avoiding: float = 1.0  # share of episodes that avoid something
+    edges_m: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # empty: the design's
     near_starts: float = 0.0  # share of episodes that start with the hand beside the moved block
 
     def __post_init__(self) -> None:
@@ -159,12 +163,23 @@ def program_for(
         expression, named = choices[int(rng.integers(len(choices)))]
         rest = [kind for kind in named if kind != target]
         also = [rest[i] for i in rng.permutation(len(rest))[: condition.named - 1]]
-        if not condition.compares:
-            return Program(expression, relation), tuple(also)
-        comparison = COMPARISONS[int(rng.integers(len(COMPARISONS)))]
-        return Program(expression, relation, chosen=("", comparison)), tuple(also)
+        return _comparing(Program(expression, relation), condition, rng), tuple(also)
     terms, required = _terms(design, target, condition.terms, rng)
-    return _program(design, relation, *terms), tuple(required)
+    program = _program(design, relation, *terms)
+    if condition.compares:  # all that it names are compared
+        pool = condition.pool
+        bits = satisfying(program, [kind.words for kind in pool], None)
+        required = [kind for kind, is_named in zip(pool, bits, strict=True)
+                    if is_named and kind != target]  # fmt: skip
+    return _comparing(program, condition, rng), tuple(required)
+
+
+def _comparing(program: Program, condition: Condition, rng: np.random.Generator) -> Program:
+    """The program with one of a condition's comparisons, if it has any."""
+    if not condition.compares:
+        return program
+    comparison = condition.compares[int(rng.integers(len(condition.compares)))]
+    return replace(program, chosen=("", comparison))
 
 
 def _short(design: Design, count: int) -> list[tuple[Expression, tuple[Kind, ...]]]:
@@ -301,7 +316,8 @@ def conditions_for(design: Design) -> tuple[str, ...]:
     return tuple(_conditions(design))
 
 
-def _conditions(design: Design) -> dict[str, Condition]:
+@lru_cache(maxsize=64)
+def _conditions(design: Design) -> Mapping[str, Condition]:
     if design.vocabulary.moves_objects:
         return {condition.name: condition for condition in _moving_conditions(design)}
     pool, wider, n = design.pool, design.extended_pool, design.n_blocks
@@ -345,12 +361,30 @@ def _conditions(design: Design) -> dict[str, Condition]:
         targets = tuple(kind for kind in pool if kind in nameable)
         if targets:
             found.append(Condition(f"several-{name}", targets, pool, n, named=count))
-    for name, count, named in COMPARED:
+    found += _comparing_conditions(design)
+    return {condition.name: condition for condition in found}
+
+
+def _comparing_conditions(design: Design) -> list[Condition]:
+    """Conditions of comparisons: of places, and of sizes where they are drawn."""
+    found, pool = [], design.pool
+    cases: list[tuple[str, tuple[str, ...], Compared]]
+    cases = [("compare", OF_PLACES, one) for one in COMPARED]
+    if design.edges_m:
+        cases += [("compare-size", OF_SIZES, one) for one in SIZES_COMPARED]
+        targets, any_size = design.held_out or design.train, {SIZE: Term.ANY}
+        unseen = design.unseen_edges_m
+        found.append(Condition("compare-size", targets, pool, design.n_blocks, any_size,
+                               compares=OF_SIZES))  # fmt: skip
+        found.append(Condition("eval-unseen", targets, pool, design.n_blocks, edges_m=unseen))
+    for start, comparisons, (end, count, named) in cases:
         nameable = {kind for _, several in _short(design, named) for kind in several}
         targets = tuple(kind for kind in pool if kind in nameable)
         if targets and count <= len(pool):
-            found.append(Condition(name, targets, pool, count, named=named, compares=True))
-    return {condition.name: condition for condition in found}
+            edges = design.unseen_edges_m if end == "-unseen" else {}
+            found.append(Condition(start + end, targets, pool, count, named=named,
+                                   compares=comparisons, edges_m=edges))  # fmt: skip
+    return found
 
 
 def _moving_conditions(design: Design) -> list[Condition]:

@@ -12,7 +12,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.extensions import Registry
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.world.relation import RELATIONS
-from pa_ros.world.schema import COLORS, PAPER, PLACE, PUSHING, ObjectSchema
+from pa_ros.world.schema import COLORS, PAPER, PLACE, PUSHING, SIZED, ObjectSchema
 
 Values = Mapping[str, tuple[str, ...]]
 
@@ -76,6 +76,11 @@ class Design:
     pairs: bool = False  # training programs move blocks to other blocks, too
     held_out_combinations: tuple[tuple[str, Kind], ...] = ()
     """Relations with a training target that no training program combines."""
+    edges_m: Mapping[str, tuple[float, float]] = field(default_factory=dict, hash=False)
+    """The shortest and longest edge (m) of blocks of each size, between which it is drawn for each
+    block. Empty: all blocks of a size are equal."""
+    unseen_edges_m: Mapping[str, tuple[float, float]] = field(default_factory=dict, hash=False)
+    """The same for conditions with sizes that training has not."""
 
     def __post_init__(self) -> None:
         self._check_values()
@@ -189,6 +194,13 @@ _DIAGONAL = tuple(
     for color, shape in zip(_VALUES_3["color"], _VALUES_3["shape"], strict=True)
 )
 _OFF_DIAGONAL = tuple(kind for kind in _ALL_3 if kind not in _DIAGONAL)
+_SIZES = {"size": ("SMALL", "LARGE"), **_VALUES_3}
+
+
+def _on_diagonal(kind: Kind) -> bool:
+    return any(one.words <= kind.words for one in _DIAGONAL)
+
+
 _COMMON: dict[str, Any] = {"novel": {"color": "MAGENTA", "shape": "CAPSULE"}}
 _THREE_D = Design("3-D", _VALUES_3, _WORDS_3, _OFF_DIAGONAL, _DIAGONAL, **_COMMON)
 
@@ -205,6 +217,16 @@ register(
         _THREE_D.with_relations(*RELATIONS),
         name="3-D-relations",
         held_out_combinations=tuple(zip(RELATIONS, _OFF_DIAGONAL, strict=True)),
+    ),
+    Design(
+        "sizes",
+        _SIZES,
+        SIZED.vocabulary,
+        train=tuple(kind for kind in kinds(_SIZES) if not _on_diagonal(kind)),
+        held_out=tuple(kind for kind in kinds(_SIZES) if _on_diagonal(kind)),
+        schema=SIZED,
+        edges_m={"SMALL": (0.03, 0.05), "LARGE": (0.07, 0.09)},
+        unseen_edges_m={"SMALL": (0.022, 0.028), "LARGE": (0.092, 0.098)},
     ),
 )  # fmt: skip
 

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 from math import atan2, cos, hypot, pi, sin
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pa_ros.arena.appearance import Look, look_of, with_edge
 from pa_ros.arena.arms import ARMS
 from pa_ros.arena.conditions import Condition, avoiding, chain_for, moving_program, program_for
 from pa_ros.arena.config import ArenaConfig, Joints
 from pa_ros.arena.controllers import joints_at
 from pa_ros.arena.designs import Design, Kind
 from pa_ros.arena.errors import ArenaError
+from pa_ros.core.experience import Float32
 from pa_ros.language import Goal, Program, roles, satisfying, stages
+from pa_ros.language.syntax import SIZE
 from pa_ros.world.relation import RELATIONS
+from pa_ros.world.schema import MIDDLE_EDGE_M, ObjectSchema
 
 RANDOM_STREAM = 0  # docs/DESIGN.md: streams of random numbers
 PLACEMENT_TRIES = 1000
@@ -32,6 +36,19 @@ class Block:
     x: float  # m from the base axis
     y: float
     yaw: float  # rad
+    edge_m: float = 0.0  # of a cube of its size; 0: as its kind says
+
+    @property
+    def look(self) -> Look:
+        """How it looks."""
+        return with_edge(look_of(self.kind), self.edge_m) if self.edge_m else look_of(self.kind)
+
+    def features(self, schema: ObjectSchema) -> Float32:
+        """Its features, the pose zero: [F]."""
+        row = schema.features(self.kind)
+        if self.edge_m:
+            row[schema.slices[SIZE]] = self.edge_m - MIDDLE_EDGE_M
+        return row
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +102,9 @@ def generate(
         Block(chosen[i], x, y, float(rng.uniform(-pi, pi)))
         for i, (x, y) in zip(order, _close_places(config, order, bool(avoided), rng), strict=True)
     )
+    if edges := condition.edges_m or design.edges_m:
+        drawn = [float(rng.uniform(*edges[block.kind[SIZE]])) for block in blocks]
+        blocks = tuple(replace(b, edge_m=m) for b, m in zip(blocks, drawn, strict=True))
     start = base, *(joint.start for joint in ARMS[config.arm].joints[1:])
     return Episode(index, condition.name, blocks, start, program)
 

@@ -8,7 +8,6 @@ from math import atan2
 
 import numpy as np
 
-from pa_ros.arena.appearance import look_of
 from pa_ros.arena.designs import Kind
 from pa_ros.arena.episodes import Block
 from pa_ros.arena.errors import ArenaError
@@ -52,8 +51,11 @@ def rearrange(
         if not np.isfinite(numbers).all():
             raise _scene_error(f"pose, twist: expected finite numbers, got {numbers.tolist()}")
     solid = [task.design.schema.has_body(kind) for kind in kinds]
+    edges = {block.kind: block.edge_m for block in task.episode.blocks}
+    resting = [_resting(kind, body, edges.get(kind, 0.0))
+               for kind, body in zip(kinds, placed, strict=True)]  # fmt: skip
     for i in given:
-        placed[i] = _lifted(kinds[i], blocks[i])
+        placed[i] = _lifted(resting[i], blocks[i])
         others = [body for j, body in enumerate(placed) if solid[i] and solid[j] and j != i]
         gaps = [float(np.linalg.norm(placed[i].position - other.position)) for other in others]
         if gaps and min(gaps) < APART_M:
@@ -61,14 +63,14 @@ def rearrange(
             raise _scene_error(f"pose: {text}")
     episode = replace(
         task.episode,
-        blocks=tuple(_resting(kind, body) for kind, body in zip(kinds, placed, strict=True)),
+        blocks=tuple(resting),
     )
     poses = np.array([[*body.position, *np.roll(body.quaternion, 1)] for body in placed])
     twists = np.array([[*body.linear, *body.angular] for body in placed])
     task.rearrange(episode, poses, twists)
 
 
-def _lifted(kind: Kind, body: Body) -> Body:
+def _lifted(block: Block, body: Body) -> Body:
     """The body, raised to where it rests if it is lower; ArenaError for an impossible pose."""
     if abs(np.linalg.norm(body.quaternion) - 1.0) > 1e-3:
         raise _scene_error(f"pose: expected a unit quaternion, got {body.quaternion.tolist()}")
@@ -79,12 +81,12 @@ def _lifted(kind: Kind, body: Body) -> Body:
         )
     position = body.position.copy()
     # A block inside the table would be thrown out by the contact force.
-    position[2] = max(position[2], look_of(kind).rest_height)
+    position[2] = max(position[2], block.look.rest_height)
     return replace(body, position=position)
 
 
-def _resting(kind: Kind, body: Body) -> Block:
+def _resting(kind: Kind, body: Body, edge_m: float) -> Block:
     """The place and yaw at which the body would rest."""
     x, y, z, w = body.quaternion
     yaw = atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return Block(kind, float(body.position[0]), float(body.position[1]), yaw)
+    return Block(kind, float(body.position[0]), float(body.position[1]), yaw, edge_m)

@@ -8,7 +8,6 @@ from contextlib import closing
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.arena.appearance import look_of
 from pa_ros.arena.camera import CLOSE, Camera
 from pa_ros.arena.model import TABLE_SIDE_M
 from pa_ros.arena.references import nearest_pair
@@ -55,7 +54,7 @@ def top_view(task: ReachTask, side_px: int = 480) -> NDArray[np.uint8]:
     positions = simulation.positions
     for i, block in enumerate(task.episode.blocks, start=1):
         x, y = positions[i, :2]
-        look = look_of(block.kind)
+        look = block.look
         edge = "black" if i in task.verifier.named else "none"
         side = look.scale * size / 3
         if not task.design.schema.has_body(block.kind):  # a ring under the blocks

@@ -12,10 +12,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from pa_ros.arena.appearance import Look, look_of
+from pa_ros.arena.appearance import Look
 from pa_ros.arena.config import ArenaConfig
-from pa_ros.arena.designs import Kind
-from pa_ros.arena.episodes import Episode
+from pa_ros.arena.episodes import Block, Episode
 from pa_ros.arena.errors import ArenaError, PhysicsError
 from pa_ros.arena.model import build
 from pa_ros.core.experience import Float32, Float64
@@ -44,7 +43,7 @@ class Simulation:
 
     def place(self, episode: Episode) -> None:
         """Start an episode: the arm at rest in its start pose, the blocks at rest."""
-        looks = [self._look(block.kind) for block in episode.blocks]
+        looks = [self._look(block) for block in episode.blocks]
         self.model, self.data = self._models(tuple(look.solid for look in looks))
         free = iter(self.model.qpos0[self._joints :].reshape(-1, 7))
         for i, (block, look) in enumerate(zip(episode.blocks, looks, strict=True)):
@@ -64,7 +63,7 @@ class Simulation:
             self.model.geom_rgba[self.model.geom(f"block{i}").id] = rgba
         mujoco.mj_resetData(self.model, self.data)  # also puts the blocks to sleep
         self.data.qpos[: self._joints] = episode.arm_start
-        self._template = _template(self._schema, [block.kind for block in episode.blocks])
+        self._template = _template(self._schema, episode.blocks)
         self._view_arrays(len(episode.blocks))
         mujoco.mj_kinematics(self.model, self.data)
         self._placed = True
@@ -185,8 +184,8 @@ class Simulation:
         mujoco.mj_jacBody(self.model, self.data, jacobian, None, self._hand)
         return jacobian[:, : self._joints]
 
-    def _look(self, kind: Kind) -> Look:
-        return replace(look_of(kind), has_body=self._schema.has_body(kind))
+    def _look(self, block: Block) -> Look:
+        return replace(block.look, has_body=self._schema.has_body(block.kind))
 
     def _view_arrays(self, blocks: int) -> None:
         """Keep views of MuJoCo's arrays, because reading an attribute of MjData is slow."""
@@ -204,8 +203,8 @@ def _build(config: ArenaConfig, looks: tuple[Look, ...]) -> tuple[mujoco.MjModel
     return model, mujoco.MjData(model)
 
 
-def _template(schema: ObjectSchema, kinds: Sequence[Kind]) -> Float32:
+def _template(schema: ObjectSchema, blocks: Sequence[Block]) -> Float32:
     """The features that stay the same in an episode: properties, and the row of the hand."""
     hand = np.zeros(schema.width, dtype=np.float32)
     hand[6] = 1.0  # identity quaternion
-    return np.stack([hand, *map(schema.features, kinds)])
+    return np.stack([hand, *(block.features(schema) for block in blocks)])

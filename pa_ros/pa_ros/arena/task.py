@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -23,6 +23,7 @@ from pa_ros.world import Reward, Score, Scoring
 from pa_ros.world.comparisons import choose
 from pa_ros.world.measures import ProgramMeasures
 from pa_ros.world.progress import GoalWatch
+from pa_ros.world.schema import PAPER, ObjectSchema
 from pa_ros.world.world import World
 
 
@@ -48,7 +49,7 @@ class Verifier:
         program: Program,
         kinds: Sequence[Kind],
         scoring: Scoring,
-        bodiless: Collection[str] = (),
+        schema: ObjectSchema = PAPER,
     ) -> None:
         """`kinds` are the blocks and places, which are objects 1, 2, …
 
@@ -58,12 +59,12 @@ class Verifier:
         scoring.threshold(program.relation)
         words = _words(kinds)
         self.program = program
-        sets = roles(program, words, HAND_INDEX, bodiless)
+        sets = roles(program, words, HAND_INDEX, schema.bodiless)
         self.moved, self.targets = (tuple(np.flatnonzero(one).tolist()) for one in sets)
         """Objects that are to be moved, and those that they are to be related to; of a comparison,
         those that were chosen in the state scored last."""
         self._sets = self.moved, self.targets
-        self._scoring = scoring
+        self._scoring, self._schema = scoring, schema
 
     @property
     def named(self) -> tuple[int, ...]:
@@ -74,7 +75,7 @@ class Verifier:
         """Score one state: object features [N, F], and the hand's pose [7] in the base's frame."""
         if self.program.compares:
             self.moved, self.targets = (
-                choose(comparison, one, objects, hand_pose)
+                choose(comparison, one, objects, hand_pose, self._schema)
                 for comparison, one in zip(self.program.chosen, self._sets, strict=True)
             )
         moved = None if self.program.moves_hand else self.moved
@@ -90,17 +91,18 @@ class GoalVerifier:
         goal: Goal,
         kinds: Sequence[Kind],
         scoring: Scoring,
-        bodiless: Collection[str] = (),
+        schema: ObjectSchema = PAPER,
     ) -> None:
         """Raises ProgramError if the goal cannot hold (`require_possible`), and ConfigError for an
         unknown relation."""
-        require_possible(goal, _words(kinds), HAND_INDEX, bodiless)
-        self._scoring, self._watch = scoring, GoalWatch(goal)
-        self.meet(kinds, bodiless)
+        require_possible(goal, _words(kinds), HAND_INDEX, schema.bodiless)
+        self._scoring, self._schema, self._watch = scoring, schema, GoalWatch(goal)
+        self.meet(kinds)
 
-    def meet(self, kinds: Sequence[Kind], bodiless: Collection[str] = ()) -> None:
+    def meet(self, kinds: Sequence[Kind]) -> None:
         """Go on with other blocks; programs may name nothing now."""
-        self.verifier_of = lru_cache(None)(lambda p: Verifier(p, kinds, self._scoring, bodiless))
+        own = kinds, self._scoring, self._schema
+        self.verifier_of = lru_cache(None)(lambda program: Verifier(program, *own))
         for program in self._watch.stages:  # raises for a wrong one now
             self.verifier_of(program)
         self.pursued = self.verifier_of(self._watch.program)
@@ -229,7 +231,7 @@ class ReachTask:
         self.simulation.rearrange(episode, poses, twists)
         self._episode = episode
         kinds = [block.kind for block in episode.blocks]
-        self._goal.meet(kinds, self.design.vocabulary.bodiless)
+        self._goal.meet(kinds)
         self._note_named()
 
     def close(self) -> None:
@@ -284,8 +286,7 @@ class ReachTask:
 
     def _verifier(self, episode: Episode, goal: Goal) -> GoalVerifier:
         kinds = [block.kind for block in episode.blocks]
-        bodiless = self.design.vocabulary.bodiless
-        return GoalVerifier(goal, kinds, self.scoring, bodiless)
+        return GoalVerifier(goal, kinds, self.scoring, self.design.schema)
 
     @property
     def episode(self) -> Episode:

@@ -18,8 +18,10 @@ from pa_ros.bags.errors import BagError
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.language import parse, parse_goal, stages
 from pa_ros.language.errors import ProgramError
+from pa_ros.language.syntax import SIZE
 from pa_ros.wire.arena import ArenaDescription
 from pa_ros.world.relation import at_stage, measured
+from pa_ros.world.schema import MIDDLE_EDGE_M
 
 
 class Stage:
@@ -38,12 +40,11 @@ class Stage:
 
     def _furnish(self, row: Row, arm: Float64) -> None:
         """Set up a row's blocks, with no recorded program in force yet."""
-        kinds = [
-            _kind(features, self.task.design)
+        blocks = tuple(
+            _block(features, self.task.design)
             for i, features in enumerate(row.objects)
             if i != row.hand_index
-        ]
-        blocks = tuple(Block(kind, 0.0, 0.0, 0.0) for kind in kinds)
+        )
         word, start = self._vocabulary.words[0], tuple(arm.tolist())
         anything = f"{self._vocabulary.relations[0]}(HAND, OR({word}, NOT({word})))"
         program = parse(anything, self._vocabulary)
@@ -111,9 +112,11 @@ def _caption(row: Row) -> tuple[str, str]:
     return row.program or "no program", "   ".join(parts)
 
 
-def _kind(features: Float32, design: Design) -> Kind:
-    """Return the kind of a recorded object."""
+def _block(features: Float32, design: Design) -> Block:
+    """Return a recorded object as a block, without its pose."""
     has = dict(zip(design.schema.slices, design.schema.has(features), strict=True))
-    return Kind(
-        **{g: design.schema[g].features.values[int(has[g].argmax())] for g in design.values}
-    )
+    values = {g: design.schema[g].features.values[int(has[g].argmax())] for g in design.values}
+    edge_m = 0.0
+    if design.edges_m:
+        edge_m = MIDDLE_EDGE_M + float(features[design.schema.slices[SIZE].start])
+    return Block(Kind(**values), 0.0, 0.0, 0.0, edge_m)

@@ -136,6 +136,7 @@ EXPERIMENTS = {
         Experiment("programmable-3D", "3-D", 60_000),
         Experiment("camera-3D", "3-D", 25_000, perception="camera", evaluate_every_frames=5_000),
         Experiment("programmable-3D-exact", "3-D-exact", 30_000),
+        Experiment("sizes", "sizes", 40_000),
         Experiment("distilled-2L", "2-L", 30_000, network="distilled-critic"),
         Experiment("distilled-3D", "3-D", 30_000, network="distilled-critic"),
         Experiment("canonical-2C", "2-C", 40_000, network="canonical"),

@@ -240,7 +240,7 @@ class _Parser:
     def _parse_argument(self) -> tuple[str, Expression]:
         """argument = "HAND" | [ comparison "(" ] expression [ ")" ] ;"""
         name = self._token
-        if name.text not in COMPARISONS:
+        if name.text not in self._vocabulary.comparisons:
             return "", self._parse_expression(ARGUMENT)
         self._advance()
         operands, closing = self._parse_arguments(ARGUMENT + 1)
@@ -306,7 +306,7 @@ class _Parser:
             raise self._unexpected(f"{self._words()} ({token.text} is not a property)")
         if token.text in OVER_TIME:
             raise self._unexpected(f"{self._words()} ({token.text} is a goal, not a set)")
-        if token.text in COMPARISONS:
+        if token.text in self._vocabulary.comparisons:
             raise self._unexpected(f"{self._words()} ({token.text} is an argument, not a set)")
         if token.kind != "word":
             hand = (HAND.name,) if depth == ARGUMENT and self._vocabulary.moves_objects else ()

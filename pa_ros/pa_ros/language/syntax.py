@@ -9,8 +9,12 @@ from typing import NamedTuple, TypeAlias
 NEAR = "NEAR"
 """The paper's relation."""
 
-COMPARISONS = ("LEFTMOST", "RIGHTMOST", "NEAREST", "FARTHEST")
-"""Each chooses one object of a set by its place (`pa_ros.world.comparisons`)."""
+OF_PLACES = ("LEFTMOST", "RIGHTMOST", "NEAREST", "FARTHEST")
+OF_SIZES = ("LARGEST", "SMALLEST")
+COMPARISONS = (*OF_PLACES, *OF_SIZES)
+"""Each chooses one object of a set, by its place or by its size (`pa_ros.world.comparisons`)."""
+SIZE = "size"
+"""The group of properties whose number `OF_SIZES` compare. Only with it are they known."""
 
 
 class Span(NamedTuple):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.language.syntax import COMPARISONS, NEAR
+from pa_ros.language.syntax import COMPARISONS, NEAR, OF_PLACES, SIZE
 
 RESERVED = frozenset({"HAND", "AND", "OR", "NOT", "THEN", "ALL", "AVOID", *COMPARISONS})
 
@@ -118,6 +118,11 @@ class Vocabulary:
     def by_group(self) -> dict[str, tuple[str, ...]]:
         """Words by the name of their group, in order."""
         return {group.name: group.words for group in self.groups}
+
+    @cached_property
+    def comparisons(self) -> tuple[str, ...]:
+        """Comparisons that programs may use: of sizes only where objects have a size."""
+        return COMPARISONS if SIZE in self.by_group else OF_PLACES
 
     @cached_property
     def relation_row(self) -> dict[str, int]:

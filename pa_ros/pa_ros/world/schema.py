@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32
+from pa_ros.language.syntax import SIZE
 from pa_ros.language.vocabulary import Vocabulary, WordGroup
 
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -326,6 +327,26 @@ PAPER = ObjectSchema(
     )
 )
 """Shapes and colors of the paper's blocks, and one more of each."""
+
+MIDDLE_EDGE_M = 0.06
+SIZED = ObjectSchema(
+    (
+        *PAPER.groups,
+        PropertyGroup(
+            SIZE,
+            ("SMALL", "LARGE"),
+            Real(
+                ("m_from_middle",),
+                {"SMALL": (-0.02,), "LARGE": (0.02,)},
+                tolerance=0.0199,
+                scale=50.0,
+            ),
+        ),
+    )
+)
+"""The same with a size, a number: how much longer an edge is than MIDDLE_EDGE_M. Every edge of 2.1
+to 5.9 cm is SMALL, and of 6.1 to 9.9 cm LARGE. Networks get 50 units per metre, so that the
+prototypes are -1 and 1, and 0 is neither."""
 
 PLACE = "PLACE"
 PUSHING = ObjectSchema(

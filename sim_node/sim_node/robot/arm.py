@@ -71,9 +71,9 @@ class RealArm:
 
     def submit(self, request: ProgramRequest) -> str:
         """Put a program in force; its canonical text. Raises ProgramError; nothing changes then."""
-        words = self._design.vocabulary
-        program = parse_goal(request.text, words)
-        self._verifier = GoalVerifier(program, self._kinds, self._scoring, words.bodiless)
+        program = parse_goal(request.text, self._design.vocabulary)
+        schema = self._design.schema
+        self._verifier = GoalVerifier(program, self._kinds, self._scoring, schema)
         self._program_id, self.program = request.program_id, str(program)
         return self.program
 
