@@ -17,6 +17,7 @@ import numpy as np
 
 from pa_ros.arena.designs import Design, Kind, kinds
 from pa_ros.arena.errors import ArenaError
+from pa_ros.arena.formulas import FORMULAS, ZONES, goal_of
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.text import did_you_mean
 from pa_ros.language import (
@@ -82,6 +83,7 @@ class Condition:
     # "moved", "target": its argument is an OR with another present object
     either: tuple[str, ...] = ()
     chain: int = 0  # programs of a THEN; 0: a single program
+    formula: bool = False  # a goal of `arena.formulas`, by the condition's name
     # The set to avoid is drawn from these; empty: nothing is avoided.
     avoided: tuple[Kind, ...] = ()
     avoids: str = "one"  # of them; "or": two of them; "not": all but the target
@@ -213,6 +215,15 @@ def chain_for(
     return Then(tuple(program for program, _ in drawn)), [*dict.fromkeys((*targets, *required))]
 
 
+def formula_for(
+    condition: Condition, design: Design, rng: np.random.Generator
+) -> tuple[Goal, list[Kind]]:
+    """The goal of a condition with a formula, and its blocks."""
+    blocks = [condition.targets[i] for i in rng.permutation(len(condition.targets))[: len(ZONES)]]
+    zones = dict(zip(ZONES, blocks, strict=True))
+    return goal_of(condition.name, zones, design.vocabulary), blocks
+
+
 def avoiding(
     condition: Condition, design: Design, program: Program, target: Kind, rng: np.random.Generator
 ) -> tuple[Program, list[Kind]]:
@@ -334,6 +345,7 @@ def _conditions(design: Design) -> Mapping[str, Condition]:
             Condition("avoid-set", trained, pool, n, avoided=zero_shot),
             Condition("avoid-or", zero_shot, pool, n, avoided=pool, avoids="or"),
             Condition("avoid-not", zero_shot, pool, n, avoided=pool, avoids="not"),
+            *(Condition(name, pool, pool, len(ZONES), formula=True) for name in FORMULAS),
         ]
     if design.held_out:
         found.append(Condition("eval", design.held_out, pool, n))

@@ -12,11 +12,19 @@ from numpy.typing import NDArray
 
 from pa_ros.arena.appearance import Look, look_of, with_edge
 from pa_ros.arena.arms import ARMS
-from pa_ros.arena.conditions import Condition, avoiding, chain_for, moving_program, program_for
+from pa_ros.arena.conditions import (
+    Condition,
+    avoiding,
+    chain_for,
+    formula_for,
+    moving_program,
+    program_for,
+)
 from pa_ros.arena.config import ArenaConfig, Joints
 from pa_ros.arena.controllers import joints_at
 from pa_ros.arena.designs import Design, Kind
 from pa_ros.arena.errors import ArenaError
+from pa_ros.arena.formulas import ZONES_APART_M
 from pa_ros.core.experience import Float32
 from pa_ros.language import Goal, Program, roles, satisfying, stages
 from pa_ros.language.syntax import SIZE
@@ -86,6 +94,8 @@ def generate(
     avoided: list[Kind] = []
     if condition.chain:
         program, (target, *required) = chain_for(condition, design, rng)
+    elif condition.formula:
+        program, (target, *required) = formula_for(condition, design, rng)
     else:
         target = condition.targets[int(rng.integers(len(condition.targets)))]
         program, needed = program_for(condition, design, target, rng)
@@ -98,9 +108,13 @@ def generate(
     unnamed = [kind for kind, is_named in zip(condition.pool, named, strict=True) if not is_named]
     chosen = [target, *required, *_distractors(condition, design, unnamed, required, rng)]
     order = rng.permutation(len(chosen))
+    if condition.formula:
+        spots = _places(config, len(order), rng, ZONES_APART_M)
+    else:
+        spots = _close_places(config, order, bool(avoided), rng)
     blocks = tuple(
         Block(chosen[i], x, y, float(rng.uniform(-pi, pi)))
-        for i, (x, y) in zip(order, _close_places(config, order, bool(avoided), rng), strict=True)
+        for i, (x, y) in zip(order, spots, strict=True)
     )
     if edges := condition.edges_m or design.edges_m:
         drawn = [float(rng.uniform(*edges[block.kind[SIZE]])) for block in blocks]
@@ -297,23 +311,28 @@ def _close_places(
     return spots
 
 
-def _places(config: ArenaConfig, count: int, rng: np.random.Generator) -> list[tuple[float, float]]:
+def _places(
+    config: ArenaConfig,
+    count: int,
+    rng: np.random.Generator,
+    apart_m: float = ArenaConfig.block_separation_m,
+) -> list[Spot]:
     """Draw places uniformly from a sector of a ring around the base, with the least separation."""
     arm = ARMS[config.arm]
     (low, high), (first, last) = arm.block_radii_m, arm.block_angles
     for _ in range(PLACEMENT_TRIES):
-        places: list[tuple[float, float]] = []
+        places: list[Spot] = []
         # An unlucky first place can make the rest impossible, so start again after a while.
         for _ in range(20 * count):
             # Squared radii are uniform, so that places are uniform in area.
             radius, angle = rng.uniform(low**2, high**2) ** 0.5, rng.uniform(first, last)
             x, y = float(radius * cos(angle)), float(radius * sin(angle))
-            if all((x - u) ** 2 + (y - v) ** 2 >= config.block_separation_m**2 for u, v in places):
+            if all((x - u) ** 2 + (y - v) ** 2 >= apart_m**2 for u, v in places):
                 places.append((x, y))
             if len(places) == count:
                 return places
     raise ArenaError(
         f"{count} blocks don't fit on the ring {low} to {high} m, {first:.2f} to {last:.2f} rad, "
-        f"at a distance of {config.block_separation_m} m",
+        f"at a distance of {apart_m} m",
         code="arena.episode",
     )

@@ -12,6 +12,7 @@ import numpy as np
 
 from pa_ros.acting.actor import Actor
 from pa_ros.arena import ArenaConfig, Design, condition_named
+from pa_ros.arena.formulas import FORMULAS
 from pa_ros.cli.options import add_setting, add_settings, file_to_write, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device, versions
@@ -38,7 +39,7 @@ from pa_ros.evaluation.pushing import CLOSE_M, ends
 from pa_ros.evaluation.scorer import Benchmark, Scorer
 from pa_ros.language import MIN_MAX, Program, Vocabulary, logic_named, parse_goal
 
-ALL = "all"
+ALL, FINITE = "all", "finite"  # all conditions; those of `arena.formulas`
 ITS_OWN = "the design's"
 
 
@@ -54,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--condition",
         default=EvaluationConfig.leaf("condition").default,
         help="train, eval, only-color, … (docs/evaluation.md), `random` for random weights, "
-        "`all` for all of them (%(default)s)",
+        "`all` for all of them, `finite` for all with formulas (%(default)s)",
     )
     add_settings(parser, EvaluationConfig, "episodes", "seed", "layouts", "logic", "judge")
     parser.add_argument("--json", type=file_to_write, help="also write the figures to this file")
@@ -76,6 +77,8 @@ def run(options: argparse.Namespace) -> int:
         agent = load_agent(options.checkpoint, *given)
         if options.condition == ALL:
             return _all_conditions(agent, options)
+        if options.condition == FINITE:
+            return _formulas(agent.arena, agent.design, agent.policy, options)
         agent, drawn_from = acting_under(options.condition, agent, options.seed)
         judgement = None
         if options.judge == "agent" or condition_named(drawn_from, agent.design).chain:
@@ -89,6 +92,8 @@ def run(options: argparse.Namespace) -> int:
     else:
         chosen = settings_from(options, EvaluationConfig)
         design, arena = chosen.design_of(), chosen.arena_config()
+        if options.condition == FINITE:
+            return _formulas(arena, design, options.policy, options)
         report = _report(options, design, arena, options.policy, options.condition)
     write_report(options.json, report, without="eval.program.")  # each has a line above
     return 0
@@ -182,6 +187,26 @@ def _all_conditions(agent: TrainedAgent, options: argparse.Namespace) -> int:
             }
     report |= {"eval.logic": agent.logic.name, "eval.weights": agent.digest}
     write_report(options.json, report | _setting(options, agent.design, agent.arena))
+    return 0
+
+
+def _formulas(
+    arena: ArenaConfig, design: Design, policy: AgentPolicy | str, options: argparse.Namespace
+) -> int:
+    """Every formula: a table, and `eval.CONDITION.…` in the report. An episode succeeds if its goal
+    holds at some step, and violates if what is to be avoided was near before."""
+    report: dict[str, float | int | str] = {"eval.episodes": options.episodes}
+    print("            success  violations  formula")
+    for condition, (formula, _) in FORMULAS.items():
+        evaluation = evaluate(arena, design, policy, condition, options.episodes, options.seed)
+        success = np.mean([one.ever for one in evaluation.scores])
+        violations = np.mean([one.violated and not one.ever for one in evaluation.scores])
+        print(f"{condition:10s}  {success:7.2f}  {violations:10.2f}  {formula}", flush=True)
+        report |= {
+            f"eval.{condition}.success": float(success),
+            f"eval.{condition}.violations": float(violations),
+        }
+    write_report(options.json, report | _setting(options, design, arena))
     return 0
 
 

@@ -1,4 +1,4 @@
-"""`pa_ros film`: an agent that executes six programs, as a film."""
+"""`pa_ros film`: an agent that executes six programs, or one goal over time, as a film."""
 
 from __future__ import annotations
 
@@ -27,6 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=file_to_write, required=True, metavar="FILE.webp|FILE.gif|FILE.mp4"
     )
     add_setting(parser, FilmOptions, "seed")
+    parser.add_argument(
+        "--condition",
+        default="",
+        help="show the goal of its first episode, instead of six programs",
+    )
     add_look(parser)
 
 
@@ -43,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
 
     agent = load_agent(options.checkpoint)
     count, missed = film_execution(
-        agent, options.out, options.seed, options.width, options.rendered
+        agent, options.out, options.seed, options.width, options.rendered, options.condition
     )
     print(f"{count} pictures in {options.out}; not reached: {', '.join(missed) or 'none'}")
     return 0

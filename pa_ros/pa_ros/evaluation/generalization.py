@@ -33,7 +33,8 @@ CONDITIONS = (
     *(f"several-{count}" for count in (1, 2, 3, "all")),
 )
 """Those of the paper, in the order of its figure, then longer programs and several targets."""
-BY_SUCCESS = ("blocks-", "chain-", "compare", "avoid")  # names of conditions that begin so
+BY_SUCCESS = ("blocks-", "chain-", "compare", "avoid", "finite-")
+"""Conditions whose names begin so."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from pa_ros.arena.movie import Picture, captioned, check_movie, write_movie
 from pa_ros.arena.render import draw
 from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.agents import TrainedAgent
-from pa_ros.language import ProgramError, parse, satisfying
+from pa_ros.language import ProgramError, parse, satisfying, stages
 from pa_ros.perception import task_seen
 from pa_ros.world.relation import RELATIONS
 
@@ -125,18 +125,22 @@ def find_scene(config: ArenaConfig, design: Design, seed: int, program: DemoProg
 
 
 def film_execution(
-    agent: TrainedAgent, path: Path, seed: int, width: int, rendered: bool
+    agent: TrainedAgent, path: Path, seed: int, width: int, rendered: bool, condition: str = ""
 ) -> tuple[int, list[str]]:
-    """Write a film of the six programs, one scene each, at the speed of the arena.
+    """Write a film of the six programs, one scene each, at the speed of the arena; or of the goal
+    of a condition's first episode.
 
     Returns its number of pictures, and the programs that were not reached. Raises ConfigError for
-    an unknown kind of file or a design that holds nothing out, RenderError for a file that cannot
-    be written, or for `rendered` without OpenGL.
+    an unknown kind of file or condition, or a design that holds nothing out, RenderError for a file
+    that cannot be written, or for `rendered` without OpenGL.
     """
     check_movie(path)
     period_s = agent.arena.control_period_s
     missed: list[str] = []
-    pictures = _pictures(agent, seed, width, rendered, missed)
+    if condition:
+        pictures = _goal_pictures(agent, seed, width, rendered, condition, missed)
+    else:
+        pictures = _pictures(agent, seed, width, rendered, missed)
     return write_movie(path, pictures, period_s), missed
 
 
@@ -157,6 +161,28 @@ def _pictures(
             yield from [picture] * PAUSE
         if not reached:
             missed.append(program.text)
+
+
+def _goal_pictures(
+    agent: TrainedAgent, seed: int, width: int, rendered: bool, condition: str, missed: list[str]
+) -> Iterator[Picture]:
+    """The first episode of a condition, until its goal holds or cannot hold any more."""
+    task = task_seen(agent.arena, agent.design, seed, agent.perception)
+    observation, verdict = task.reset(0, condition)
+    count = len(stages(task.goal))
+    while True:
+        satisfied, ends = verdict.satisfied, verdict.violated or verdict.truncated
+        state = "violated" if verdict.violated else "done" if satisfied else "to do"
+        caption = f"program {verdict.stage + 1} of {count}   step {observation.step}   {state}"
+        color = REACHED if satisfied else AWAY
+        picture = captioned(draw(task, width, rendered), (str(task.program), caption), color)
+        yield picture
+        if satisfied or ends:
+            break
+        observation, verdict = task.step(agent.policy(observation, task.program))
+    yield from [picture] * PAUSE
+    if not satisfied:
+        missed.append(str(task.goal))
 
 
 def _executed(
