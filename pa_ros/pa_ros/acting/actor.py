@@ -157,9 +157,8 @@ class Actor:
         p = relevance(program.relation_alone, phi.tolist(), rows, hand, self.logic, bodiless)
         if program.compares:
             meant = self._meant(observation)(program)
-            lost = {*chain(*meant)} - {
-                *chain(*_compared(observation, program, meant, self._world.schema))
-            }
+            chosen = _compared(observation, program, meant, self._world.schema)
+            lost = {*chain(*meant)} - {*chain(*chosen)}
             p = [0.0 if i in lost else one for i, one in enumerate(p)]
         return tuple(p)
 
