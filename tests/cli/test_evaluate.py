@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from pa_ros.arena.formulas import FORMULAS
 from pa_ros.cli.main import main
 from pa_ros.evaluation.evaluate import EPISODES_SEED
 from pa_ros.evaluation.generalization import CONDITIONS
@@ -72,3 +73,13 @@ def test_all_conditions_at_once(checkpoint: str, tmp_path, capsys, monkeypatch):
     assert figures["eval.random.success_rate"] <= 1.0
     low, high = (figures[f"eval.reach-new-both.{end}"] for end in ("low", "high"))
     assert low <= figures["eval.reach-new-both.normalized"] <= high
+
+
+def test_formulas_are_a_table(tmp_path, capsys):
+    report = tmp_path / "eval.json"
+    script = ["--policy", "scripted", "--design", "3-D-avoid", "--episodes", "2"]
+    assert main(["eval", *script, "--condition", "finite", "--json", str(report)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[1:9]] == list(FORMULAS)
+    figures = json.loads(report.read_text())
+    assert figures["eval.finite-2.success"] + figures["eval.finite-2.violations"] == 1.0

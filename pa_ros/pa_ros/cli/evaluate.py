@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from pa_ros.acting.actor import Actor
-from pa_ros.arena import ArenaConfig, Design, condition_named
+from pa_ros.arena import ArenaConfig, Design, ReachTask, condition_named
 from pa_ros.arena.formulas import FORMULAS
 from pa_ros.cli.options import add_setting, add_settings, file_to_write, settings_from
 from pa_ros.core.errors import ConfigError
@@ -25,6 +25,7 @@ from pa_ros.evaluation.evaluate import (
     EvaluationConfig,
     by_program,
     evaluate,
+    goal_ends,
     layouts_seed,
 )
 from pa_ros.evaluation.generalization import (
@@ -38,6 +39,7 @@ from pa_ros.evaluation.judgement import Judgement
 from pa_ros.evaluation.pushing import CLOSE_M, ends
 from pa_ros.evaluation.scorer import Benchmark, Scorer
 from pa_ros.language import MIN_MAX, Program, Vocabulary, logic_named, parse_goal
+from pa_ros.perception import task_seen
 
 ALL, FINITE = "all", "finite"  # all conditions; those of `arena.formulas`
 ITS_OWN = "the design's"
@@ -78,7 +80,8 @@ def run(options: argparse.Namespace) -> int:
         if options.condition == ALL:
             return _all_conditions(agent, options)
         if options.condition == FINITE:
-            return _formulas(agent.arena, agent.design, agent.policy, options)
+            task = task_seen(agent.arena, agent.design, options.seed, agent.perception)
+            return _formulas(task, agent.policy, options)
         agent, drawn_from = acting_under(options.condition, agent, options.seed)
         judgement = None
         if options.judge == "agent" or condition_named(drawn_from, agent.design).chain:
@@ -93,7 +96,7 @@ def run(options: argparse.Namespace) -> int:
         chosen = settings_from(options, EvaluationConfig)
         design, arena = chosen.design_of(), chosen.arena_config()
         if options.condition == FINITE:
-            return _formulas(arena, design, options.policy, options)
+            return _formulas(ReachTask(arena, design, options.seed), options.policy, options)
         report = _report(options, design, arena, options.policy, options.condition)
     write_report(options.json, report, without="eval.program.")  # each has a line above
     return 0
@@ -190,23 +193,19 @@ def _all_conditions(agent: TrainedAgent, options: argparse.Namespace) -> int:
     return 0
 
 
-def _formulas(
-    arena: ArenaConfig, design: Design, policy: AgentPolicy | str, options: argparse.Namespace
-) -> int:
-    """Every formula: a table, and `eval.CONDITION.…` in the report. An episode succeeds if its goal
-    holds at some step, and violates if what is to be avoided was near before."""
+def _formulas(task: ReachTask, policy: AgentPolicy | str, options: argparse.Namespace) -> int:
+    """Every formula: a table, and `eval.CONDITION.…` in the report."""
     report: dict[str, float | int | str] = {"eval.episodes": options.episodes}
     print("            success  violations  formula")
     for condition, (formula, _) in FORMULAS.items():
-        evaluation = evaluate(arena, design, policy, condition, options.episodes, options.seed)
-        success = np.mean([one.ever for one in evaluation.scores])
-        violations = np.mean([one.violated and not one.ever for one in evaluation.scores])
+        ends = goal_ends(task, policy, condition, options.episodes)
+        success, violations = np.mean([(one.satisfied, one.violated) for one in ends], axis=0)
         print(f"{condition:10s}  {success:7.2f}  {violations:10.2f}  {formula}", flush=True)
         report |= {
             f"eval.{condition}.success": float(success),
             f"eval.{condition}.violations": float(violations),
         }
-    write_report(options.json, report | _setting(options, design, arena))
+    write_report(options.json, report | _setting(options, task.design, task.config))
     return 0
 
 

@@ -20,7 +20,7 @@ from pa_ros.arena import (
     scripted_action,
 )
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import Float32, Float64, Observation
+from pa_ros.core.experience import Float32, Float64, Observation, Verdict
 from pa_ros.core.settings import OneOf
 from pa_ros.evaluation.scores import (
     EpisodeScore,
@@ -116,6 +116,23 @@ def _run_episode(
         truncated = verdict.truncated
     end = verdict.satisfied, verdict.distance, ever, verdict.stage, verdict.violated
     return EpisodeScore(task.episode.index, str(task.goal), total / steps, *end)
+
+
+def goal_ends(
+    task: ReachTask, policy: AgentPolicy | str, condition: str, episodes: int
+) -> Iterator[Verdict]:
+    """The last verdicts of episodes of a condition, each of which ends as soon as its goal holds or
+    is violated."""
+    act: Callable[[Observation], Float64]
+    if isinstance(policy, str):
+        act = reference_policy(task, policy)
+    else:
+        act = lambda observation: policy(observation, task.program)  # noqa: E731
+    for index in range(episodes):
+        observation, verdict = task.reset(index, condition)
+        while not (verdict.satisfied or verdict.violated or verdict.truncated):
+            observation, verdict = task.step(act(observation))
+        yield verdict
 
 
 def reference_policy(task: ReachTask, name: str) -> Callable[[Observation], Float64]:

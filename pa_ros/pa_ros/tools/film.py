@@ -173,9 +173,11 @@ def _goal_pictures(
     while True:
         satisfied, ends = verdict.satisfied, verdict.violated or verdict.truncated
         state = "violated" if verdict.violated else "done" if satisfied else "to do"
-        caption = f"program {verdict.stage + 1} of {count}   step {observation.step}   {state}"
-        color = REACHED if satisfied else AWAY
-        picture = captioned(draw(task, width, rendered), (str(task.program), caption), color)
+        caption = f"{verdict.stage + 1} of {count}   {state}"
+        if task.program.avoided is not None:
+            caption += f"   avoids {task.program.avoided}"
+        lines, color = (str(task.program.relation_alone), caption), REACHED if satisfied else AWAY
+        picture = captioned(draw(task, width, rendered), lines, color)
         yield picture
         if satisfied or ends:
             break
