@@ -13,16 +13,14 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from statistics import fmean, median
-from typing import Any
 
 import numpy as np
 
-from pa_ros.evaluation.agents import load_agent
 from pa_ros.evaluation.cards import model_card, read_report
 from pa_ros.evaluation.detectors import Accuracy
 from pa_ros.evaluation.equalities import Difference
 from pa_ros.evaluation.experiments import SOLVED, SeedSummary
-from pa_ros.evaluation.generalization import CONDITIONS, ConditionRow, Summary, summarize
+from pa_ros.evaluation.generalization import CONDITIONS, Summary
 from pa_ros.evaluation.generalization_figures import in_words
 from pa_ros.evaluation.pushing import EndsRow
 from pa_ros.evaluation.tables import read_curves, read_rows, read_setting
@@ -455,28 +453,9 @@ def filled(text: str) -> str:
 
 
 def card(folder: Path) -> str:
-    """The card of a shipped agent, with the scores of docs/results: those in shipped-NAME.json, or
-    those of its weights among the agents of generalization.csv."""
-    report = RESULTS / f"shipped-{folder.name}.json"
-    if report.exists():
-        return model_card(folder, read_report(report))
-    return model_card(folder, studied(load_agent(folder).digest))
-
-
-def studied(weights: str) -> dict[str, Any] | None:
-    """What `pa_ros eval --condition all` reports, of an agent of generalization.csv."""
-    table = RESULTS / "generalization.csv"
-    facts = read_setting(table, "agents", "episodes", "versions")
-    seeds = [int(seed) for seed, one in facts["agents"].items() if one["weights"] == weights]
-    if not seeds:
-        return None
-    report = {"eval.weights": weights, "eval.episodes": facts["episodes"]}
-    report["versions"] = facts["versions"]
-    own = [row for row in read_rows(table, ConditionRow) if row.seed == seeds[0]]
-    for row in summarize(own):
-        for name in ("normalized", "low", "high", "success_rate"):
-            report[f"eval.{row.condition}.{name}"] = getattr(row, name)
-    return report
+    """The card of a shipped agent, with the scores of docs/results/shipped-NAME.json, which
+    `pa_ros eval --checkpoint shipped:NAME --condition all --json` wrote."""
+    return model_card(folder, read_report(RESULTS / f"shipped-{folder.name}.json"))
 
 
 def write_cards() -> None:
