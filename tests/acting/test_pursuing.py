@@ -81,6 +81,21 @@ def test_of_several_blocks_the_hand_goes_to_the_nearest(task: ReachTask) -> None
         assert not np.array_equal(actor.act(observation, task.program), there)
 
 
+def test_a_nearer_block_about_which_the_agent_is_undecided_is_not_gone_for() -> None:
+    """A property that training never showed has half a degree."""
+    task = ReachTask(preset_named("fast"), design_named("2-L"), seed=3)
+    actor, undecided = Actor.of(load_policy(Path("shipped:2-L"))), 0
+    for episode in range(20):
+        observation, _ = task.reset(episode, "ignore-new")
+        p = np.delete(actor.relevance(observation, task.program), observation.hand_index)
+        if np.sum((p >= 0.5 * p.max()) & (p < 0.75 * p.max())):
+            undecided += 1
+            np.testing.assert_array_equal(
+                actor.act(observation, task.program), actor.infer(observation, task.program)
+            )
+    assert undecided > 2
+
+
 def test_a_stage_that_the_goal_lacks_is_rejected(task: ReachTask, agent: Agent) -> None:
     observation, verdict = task.reset(0, "chain-2")
     with rejected("observation.stage", "expected less than 2, as THEN"):

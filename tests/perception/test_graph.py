@@ -14,7 +14,10 @@ from helpers.graph import Probe, graph, learned_over_the_graph
 from helpers.pictures import opengl
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.errors import ActingError
-from pa_ros.bags.experience import Experience
+from pa_ros.arena.render import top_view
+from pa_ros.bags.episodes import episodes
+from pa_ros.bags.experience import Experience, arenas_of
+from pa_ros.bags.film import Stage
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import learner_of, verify
 from pa_ros.cli import main as cli
@@ -65,6 +68,16 @@ def test_a_run_from_pictures_is_repeated_to_the_last_bit(recorded: Path) -> None
         }
     assert found.equal and found.checked == found.frames == 100 * EPISODES
     assert len(sizes) > 1
+
+
+def test_a_film_shows_blocks_that_were_only_seen_in_grey(recorded: Path) -> None:
+    with Bag(recorded / "bag") as bag:
+        episode, arena = next(iter(episodes(bag))), arenas_of(bag)[-1]
+    stage = Stage(episode, arena)
+    stage.show(episode.rows[-1])
+    assert stage.task.verifier.named == ()
+    table = top_view(stage.task, 200).reshape(-1, 3).astype(int)
+    assert int(np.ptp(table, axis=1).max()) < 20, "no color but the table's"
 
 
 def test_learning_from_its_bag_keeps_the_camera(recorded: Path, tmp_path: Path) -> None:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # it loads torch, which the fused code does not need
     from pa_ros.networks.inference import Inference
 
 MEANT = 0.5  # an object is meant if its degree is this part of the greatest one, at least
+SURELY = 0.75  # the same where an agent goes for one: words that are undecided have half a degree
 
 log = logging.getLogger(__name__)
 
@@ -133,7 +134,8 @@ class Actor:
             raise ActingError("policy: expected weights before acting, got none")
         arm, objects, hand = self._arm(observation), observation.objects, observation.hand_index
         if program.compares or (commits and program.avoided is None):
-            meant = self._meant(observation)(program)
+            least = MEANT if program.compares else SURELY
+            meant = self._meant(observation, least)(program)
             chosen = _compared(observation, program, meant, self._world.schema)
             if commits:
                 chosen = _nearest_two(chosen, objects)
@@ -178,7 +180,9 @@ class Actor:
 
         return score
 
-    def _meant(self, observation: Observation) -> Callable[[Program], list[list[int]]]:
+    def _meant(
+        self, observation: Observation, least: float = MEANT
+    ) -> Callable[[Program], list[list[int]]]:
         """The objects of a program's two sets, before any comparison."""
         if not family_of(self.network).evaluates_programs:
             raise NetworkError(
@@ -196,7 +200,7 @@ class Actor:
                 program.relation_alone, phi, vocabulary.row, hand, self.logic, vocabulary.bodiless
             )
             return [
-                [i for i, p in enumerate(one) if p > 0.0 and p >= MEANT * max(one)] for one in found
+                [i for i, p in enumerate(one) if p > 0.0 and p >= least * max(one)] for one in found
             ]
 
         return sets

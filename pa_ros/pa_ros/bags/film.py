@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.arena.appearance import Look
 from pa_ros.arena.designs import Design, Kind
 from pa_ros.arena.episodes import Block, Episode
 from pa_ros.arena.movie import Picture, captioned, check_movie, write_movie
@@ -35,13 +36,15 @@ class Stage:
         design = design_named(arena.design).with_relations(*arena.world.relations)
         self.task = ReachTask(config, design, arena.seed)
         self._shown: tuple[str, int] | None = None  # the recorded program in force, its stage
+        self._known = arena.world.schema.tells_words  # else blocks are only seen
         self._vocabulary, self._number = self.task.design.vocabulary, episode.number
         self._furnish(episode.rows[0], episode.rows[0].joint_position)
 
     def _furnish(self, row: Row, arm: Float64) -> None:
         """Set up a row's blocks, with no recorded program in force yet."""
+        kind = self.task.design.train[0]
         blocks = tuple(
-            _block(features, self.task.design)
+            _block(features, self.task.design) if self._known else _SeenBlock(kind, 0, 0, 0)
             for i, features in enumerate(row.objects)
             if i != row.hand_index
         )
@@ -73,11 +76,19 @@ class Stage:
             try:
                 pursued = stages(parse_goal(row.program, self._vocabulary))[row.stage]
                 self.task.set_program(pursued)
-            except (
-                ProgramError,
-                IndexError,
-            ):  # no program is in force, or its text is not recorded
+                named = self._known
+            except (ProgramError, IndexError):  # no program is in force, or its text is unrecorded
+                named = False
+            if not named:
                 self.task.verifier.moved = self.task.verifier.targets = ()
+
+
+class _SeenBlock(Block):
+    """A block whose properties nobody knows, in grey."""
+
+    @property
+    def look(self) -> Look:
+        return Look()
 
 
 def film(

@@ -104,7 +104,8 @@ class Table:
 
     def picture(self) -> Image:
         """The table from above, drawn from what the arena observed: the hand is a white ring at the
-        end of the gray arm, and objects that the program in force names have a black edge."""
+        end of the gray arm, and objects that the program in force names have a black edge. Where
+        the arena only sees its blocks, they are gray squares."""
         file = io.BytesIO()
         Pillow.fromarray(self.arm.scene().picture(PICTURE_PX)).save(file, "png")
         return Image(data=file.getvalue(), format="png")

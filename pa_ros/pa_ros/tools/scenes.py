@@ -90,7 +90,8 @@ class Scene:
 
     def picture(self, side_px: int = 480) -> Any:
         """The table from above, an RGB array [side, side, 3] of uint8, drawn from what the arena
-        observed: the hand is a white ring, and objects that the program names have a black edge."""
+        observed: the hand is a white ring, and objects that the program names have a black edge.
+        Blocks whose properties are only seen are grey squares."""
         from pa_ros.arena.render import top_view
         from pa_ros.bags.episodes import RecordedEpisode, Row
         from pa_ros.bags.film import Stage
