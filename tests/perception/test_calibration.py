@@ -11,7 +11,7 @@ from pa_ros.core.settings import canonical_json, read_json
 
 pytest.importorskip("cv2", reason="no OpenCV: install programmable-agents[camera]")
 from pa_ros.perception.blobs import CROP_PX, Blob
-from pa_ros.perception.calibration import Calibration
+from pa_ros.perception.calibration import Calibration, Cameras
 from pa_ros.perception.errors import PerceptionError
 from pa_ros.perception.looks import color, shape
 from pa_ros.perception.tracker import Tracker
@@ -36,14 +36,14 @@ def blob(
 
 
 @lru_cache
-def made_of(seed: int) -> Calibration:
+def made_of(seed: int) -> Cameras:
     """Of squares and disks in two colors."""
     rng = np.random.default_rng(seed)
     known = [
         blob(rgb=rng.normal((RED, BLUE)[i % 2], 0.01), round_=i % 4 < 2, area=rng.normal(1, 0.01))
         for i in range(60)
     ]
-    return Calibration.of("above", (240, 240), known)
+    return Cameras((Calibration.of("above", (240, 240), known),))
 
 
 def test_color_does_not_depend_on_light_and_shape_not_on_color() -> None:
@@ -55,14 +55,13 @@ def test_color_does_not_depend_on_light_and_shape_not_on_color() -> None:
 
 def test_a_calibration_survives_as_text_and_changes_its_digest_with_its_numbers() -> None:
     made = made_of(0)
-    again = Calibration.from_text(made.to_text())
+    again = Cameras.from_text(made.to_text())
     other = made_of(1)
     assert again.digest == made.digest != other.digest
     for one in (blob(), blob(rgb=(0.1, 0.9, 0.1), round_=True)):
-        assert (again.features(one) == made.features(one)).all()
-    assert (
-        made.features(blob()).any() and not made.channels["color"](color(blob(rgb=(0, 1, 0)))).any()
-    )
+        assert (again.features({0: one}) == made.features({0: one})).all()
+    channel = made.each[0].channels["color"]
+    assert made.features({0: blob()}).any() and not channel(color(blob(rgb=(0, 1, 0)))).any()
 
 
 @pytest.mark.parametrize(
@@ -78,7 +77,7 @@ def test_a_damaged_calibration_is_rejected(damage: dict[str, object]) -> None:
     made = made_of(0)
     text = canonical_json({**read_json(made.to_text()), **damage})
     with pytest.raises(PerceptionError, match="calibration: expected what a training run wrote"):
-        Calibration.from_text(text)
+        Cameras.from_text(text)
 
 
 def test_too_few_blobs_make_no_calibration() -> None:
@@ -91,7 +90,7 @@ def test_a_track_keeps_its_row_place_and_looks_while_its_object_is_covered() -> 
     tracker.update([blob((0.3, 0.0)), blob((0.0, 0.3), BLUE)])
     tracker.update([blob((0.31, 0.02), covered=True, area=0.3)])
     (first, second) = tracker.tracks
-    assert first.xy.tolist() == [0.3, 0.0] and first.blob.area == 1.0 and first.age == 0
+    assert first.xy.tolist() == [0.3, 0.0] and first.looks[0].area == 1.0 and first.age == 0
     assert second.xy.tolist() == [0.0, 0.3] and second.age == 1
     tracker.update([blob((0.33, 0.0)), blob((0.0, -0.5))])  # pushed, and one without a row
     assert tracker.tracks[0].xy.tolist() == [0.33, 0.0]

@@ -21,7 +21,7 @@ from pa_ros.world.schema import Seen
 
 pytest.importorskip("cv2", reason="no OpenCV: install programmable-agents[camera]")
 from pa_ros.perception.blobs import Blob, blobs
-from pa_ros.perception.calibration import Calibration
+from pa_ros.perception.calibration import Cameras
 from pa_ros.perception.errors import PerceptionError
 from pa_ros.perception.task import CameraTask
 from pa_ros.perception.view import View
@@ -31,10 +31,10 @@ PROGRAMS = training_programs(DESIGN)
 
 
 @pytest.fixture(scope="module")
-def seen(calibration: Calibration) -> Iterator[CameraTask]:
+def seen(calibration: Cameras) -> Iterator[CameraTask]:
     task = CameraTask(CONFIG, DESIGN, 7, calibration)
     yield task
-    task.sight.view.close()
+    task.sight.close()
 
 
 def found_in(view: View, task: ReachTask) -> Iterator[tuple[Blob, int, float]]:
@@ -50,7 +50,7 @@ def test_blocks_are_found_where_they_are_and_the_arm_is_not_one_of_them(seen: Ca
     errors, blocks = [], 0
     for episode in range(5):
         seen.reset(episode, "blocks-8")
-        found = list(found_in(seen.sight.view, seen))
+        found = list(found_in(seen.sight.views[0], seen))
         blocks += len(seen.episode.blocks)
         assert len({block for _, block, _ in found}) == len(found)
         errors += [apart for _, _, apart in found]
@@ -68,7 +68,7 @@ def test_blocks_that_touch_are_two(seen: CameraTask, kinds: str) -> None:
         for i, kind in enumerate(kinds.split(", "))
     )
     seen.simulation.place(replace(seen.episode, blocks=pair))
-    found = [block for _, block, apart in found_in(seen.sight.view, seen) if apart < 0.015]
+    found = [block for _, block, apart in found_in(seen.sight.views[0], seen) if apart < 0.015]
     assert sorted(found) == [0, 1]
 
 
@@ -77,10 +77,10 @@ def test_looks_unlike_all_that_is_known_are_zero_and_known_ones_are_not(seen: Ca
     zero: dict[tuple[str, bool], list[bool]] = {}
     for episode in range(6):
         seen.reset(episode, "reach-new-both" if episode % 2 else "reach-new-shape")
-        for blob, block, _ in found_in(seen.sight.view, seen):
+        for blob, block, _ in found_in(seen.sight.views[0], seen):
             kind = seen.episode.blocks[block].kind
             for group, part in seen.seen_schema.slices.items():
-                row = seen.sight.calibration.features(blob)[part.start - 7 : part.stop - 7]
+                row = seen.sight.cameras.features({0: blob})[part.start - 7 : part.stop - 7]
                 is_new = kind[group] == DESIGN.novel[group]
                 if not blob.covered:
                     zero.setdefault((group, is_new), []).append(not row.any())
@@ -138,9 +138,9 @@ def test_it_looks_until_nothing_can_be_hidden_and_rows_keep_their_objects(
 
 def test_a_picture_of_another_size_is_rejected(seen: CameraTask) -> None:
     with pytest.raises(PerceptionError, match="expected RGB of 240 x 240 px, as calibrated, got"):
-        seen.sight.look(np.zeros((120, 160, 3), np.uint8), np.zeros(6))
+        seen.sight.look([np.zeros((120, 160, 3), np.uint8)], np.zeros(6))
 
 
-def test_a_design_with_other_properties_is_rejected(calibration: Calibration) -> None:
+def test_a_design_with_other_properties_is_rejected(calibration: Cameras) -> None:
     with pytest.raises(ConfigError, match=r"expected a design with the property groups \['shape'"):
         CameraTask(preset_named("push"), design_named("push-2"), 0, calibration)

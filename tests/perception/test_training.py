@@ -9,13 +9,13 @@ from pa_ros.evaluation.agents import load_agent
 from pa_ros.networks.config import actor_config
 
 pytest.importorskip("cv2", reason="no OpenCV: install programmable-agents[camera]")
-from pa_ros.perception.calibration import Calibration
+from pa_ros.perception.calibration import Cameras
 
 TRAIN = ["train", "--design", "3-D", "--perception", "camera"]
 
 
 @pytest.fixture(autouse=True)
-def calibrated_before(calibration: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
+def calibrated_before(calibration: Cameras, monkeypatch: pytest.MonkeyPatch) -> None:
     text = calibration.to_text()
     monkeypatch.setattr(
         "pa_ros.evaluation.training.calibrated", lambda *given: "" if given[2] == "told" else text

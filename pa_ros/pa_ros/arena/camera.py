@@ -10,6 +10,7 @@ import copy
 import os
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import mujoco
@@ -26,6 +27,7 @@ CLOSE = "close"  # a view for films: the middle of the table fills the picture
 MARK_M, MARK_RGBA = 0.065, (1.0, 1.0, 1.0, 1.0)
 LARGEST_PX = 2048
 MAX_GEOMS = 1000  # of a scene
+ASIDE = (0.9, -0.6)  # m; from there the arm's shadow is seen from above
 _failures: list[str] = []  # the message of a failed attempt to use OpenGL, if any
 
 
@@ -42,6 +44,29 @@ class CameraConfig(Settings):
     view: Literal["overview", "above"] = Field(
         "overview", description="from a corner of the table, or from above its middle"
     )
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """How the world looks to a camera; it changes nothing else."""
+
+    light: float = 1.0  # factor of all lights
+    noise: float = 0.0  # standard deviation of each number of a pixel, 0 to 255
+    shadows: bool = False
+    lamp: tuple[float, float] = (0.0, 0.0)  # m from its usual place above the table's middle
+    texture: bool = False  # of the table, if the model has one (`model.build_textured`)
+
+
+PICTURES = {
+    "plain": Pictures(),
+    "dim": Pictures(light=0.7),
+    "bright": Pictures(light=1.3),
+    "noise": Pictures(noise=10.0),
+    "shadows": Pictures(shadows=True, lamp=ASIDE),
+    "texture": Pictures(texture=True),
+    "hard": Pictures(light=0.7, noise=10.0, shadows=True, lamp=ASIDE, texture=True),
+}
+PLAIN = PICTURES["plain"]
 
 
 def intrinsics(model: mujoco.MjModel, view: str, width: int, height: int) -> Float64:
@@ -62,7 +87,12 @@ class Camera:
     """Renders pictures. Call all methods but `look` on the thread that made the camera."""
 
     def __init__(
-        self, model: mujoco.MjModel, view: str, width: int, height: int, shadows: bool = False
+        self,
+        model: mujoco.MjModel,
+        view: str,
+        width: int,
+        height: int,
+        pictures: Pictures = PLAIN,
     ) -> None:
         """`view` is a camera of the model, or CLOSE. Later models may have other blocks.
 
@@ -75,7 +105,9 @@ class Camera:
         self._rect = mujoco.MjrRect(0, 0, width, height)
         self._scene = mujoco.MjvScene(model, MAX_GEOMS)
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
-            self._scene.flags[flag] = shadows
+            self._scene.flags[flag] = pictures.shadows
+        self._pictures, self._random = pictures, np.random.default_rng(0)
+        self._textured: int | None = model.geom("table").id if pictures.texture else None
         self._option, self._camera = mujoco.MjvOption(), mujoco.MjvCamera()
         self._close = view == CLOSE
         if self._close:
@@ -89,7 +121,8 @@ class Camera:
                 warnings.simplefilter("ignore")  # from GLFW, on a machine without a display
                 self._gl: Any = _context(width, height)
             self._gl.make_current()
-            self._buffer = mujoco.MjrContext(_of_this_size(model, width, height, shadows), 100)
+            sized = _of_this_size(model, width, height, pictures.shadows)
+            self._buffer = mujoco.MjrContext(sized, 100)
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._buffer)
         except Exception as error:  # each OpenGL back end raises its own errors
             _failures.append(
@@ -113,7 +146,11 @@ class Camera:
         upside_down = np.empty((self._rect.height, self._rect.width, 3), dtype=np.uint8)
         mujoco.mjr_render(self._rect, self._scene, self._buffer)
         mujoco.mjr_readPixels(upside_down, None, self._rect, self._buffer)
-        return upside_down[::-1].copy()
+        picture = upside_down[::-1].copy()
+        if self._pictures.noise:
+            noise = self._random.normal(0.0, self._pictures.noise, picture.shape)
+            picture = np.clip(picture + noise, 0, 255).astype(np.uint8)
+        return picture
 
     def of(self, model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.uint8]:
         """A picture of any state, at once. Other cameras may be used between two pictures."""
@@ -124,6 +161,19 @@ class Camera:
     def _update(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         every = mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(model, data, self._option, None, self._camera, every, self._scene)
+        if self._pictures.light != 1.0:
+            for light in self._scene.lights[: self._scene.nlight]:
+                for part in (light.ambient, light.diffuse, light.specular):
+                    part *= self._pictures.light
+        if any(self._pictures.lamp):
+            for light in self._scene.lights[: self._scene.nlight]:
+                if not light.headlight:
+                    light.pos[:2] += self._pictures.lamp
+                    light.dir[:] = -light.pos / np.linalg.norm(light.pos)
+        if self._textured is not None:
+            for geom in self._scene.geoms[: self._scene.ngeom]:
+                if geom.objid == self._textured and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+                    geom.matid = 0
 
     def close(self) -> None:
         """Free the resources of OpenGL."""
@@ -145,8 +195,9 @@ def _of_this_size(model: mujoco.MjModel, width: int, height: int, shadows: bool)
     # Buffers of the model's default size would need memory for far larger pictures.
     model = copy.copy(model)
     model.vis.global_.offwidth, model.vis.global_.offheight = width, height
-    if not shadows:
-        model.vis.quality.shadowsize = 0
+    # The usual map of shadows, 4096 px, would take most of the time of a small picture.
+    usual, enough = model.vis.quality.shadowsize, 4 * max(width, height)
+    model.vis.quality.shadowsize = min(usual, enough) if shadows else 0
     return model
 
 

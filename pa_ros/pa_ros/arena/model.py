@@ -15,6 +15,9 @@ TABLE_SIDE_M = 1.6
 TABLE_THICKNESS_M = 0.04
 FLOOR_DEPTH_M = 0.5  # below the table top; catches blocks that fall off
 
+# Of a texture of the table, which multiplies its color: two colors, and their fields along a side.
+CHECKER, CHECKS = ((1.0, 1.0, 1.0), (0.55, 0.75, 0.9)), 8
+
 # Contact bits: two geoms touch if the type of one meets the affinity of the other. The arm has no
 # type, so it never touches itself.
 SOLID, BLOCK = 1, 2
@@ -36,6 +39,18 @@ def build(config: ArenaConfig, looks: Sequence[Look]) -> mujoco.MjModel:
         raise ConfigError(f"arm {config.arm}: expected MJCF bodies, got: {error}") from error
     _check_arm(model, config.arm, len(looks), sum(look.has_body for look in looks))
     return model
+
+
+def build_textured(config: ArenaConfig) -> mujoco.MjModel:
+    """The arena without blocks, with a checkered material for the table's pictures."""
+    spec = mujoco.MjSpec.from_string(mjcf(config, []))
+    spec.add_texture(
+        name="checker", type=mujoco.mjtTexture.mjTEXTURE_2D, width=256, height=256,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER, rgb1=CHECKER[0], rgb2=CHECKER[1],
+    )  # fmt: skip
+    material = spec.add_material(name="checker", texrepeat=(CHECKS, CHECKS))
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "checker"
+    return spec.compile()
 
 
 def mjcf(config: ArenaConfig, looks: Sequence[Look]) -> str:

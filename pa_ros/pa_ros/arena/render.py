@@ -8,7 +8,7 @@ from contextlib import closing
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.arena.camera import CLOSE, Camera
+from pa_ros.arena.camera import CLOSE, Camera, Pictures
 from pa_ros.arena.model import TABLE_SIDE_M
 from pa_ros.arena.references import nearest_pair
 from pa_ros.arena.simulation import Simulation
@@ -33,7 +33,7 @@ def render(
 ) -> NDArray[np.uint8]:
     """A rendered picture of the current scene, [height, width, 3] RGB, with a ring on the table
     around each `marked` object. Raises RenderError without OpenGL."""
-    with closing(Camera(simulation.model, view, width, height, shadows=True)) as camera:
+    with closing(Camera(simulation.model, view, width, height, Pictures(shadows=True))) as camera:
         camera.look(simulation, marked)
         return camera.picture()
 

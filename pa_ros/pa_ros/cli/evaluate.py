@@ -12,6 +12,7 @@ import numpy as np
 
 from pa_ros.acting.actor import Actor
 from pa_ros.arena import ArenaConfig, Design, ReachTask, condition_named
+from pa_ros.arena.camera import PICTURES
 from pa_ros.arena.formulas import FORMULAS
 from pa_ros.cli.options import add_setting, add_settings, file_to_write, settings_from
 from pa_ros.core.errors import ConfigError
@@ -59,6 +60,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="train, eval, only-color, … (docs/evaluation.md), `random` for random weights, "
         "`all` for all of them, `finite` for all with formulas (%(default)s)",
     )
+    parser.add_argument(
+        "--pictures", choices=PICTURES, default="plain",
+        help="how the world looks to the camera of an agent that sees (%(default)s)",
+    )  # fmt: skip
     add_settings(parser, EvaluationConfig, "episodes", "seed", "layouts", "logic", "judge")
     parser.add_argument("--json", type=file_to_write, help="also write the figures to this file")
 
@@ -77,6 +82,11 @@ def run(options: argparse.Namespace) -> int:
         logic = logic_named(options.logic)
         given = options.design, options.preset, options.arm, logic
         agent = load_agent(options.checkpoint, *given)
+        if options.pictures != "plain" and (options.condition == ALL or not agent.perception):
+            raise ConfigError(
+                f"eval --pictures {options.pictures}: expected one condition and an agent that "
+                f"sees, got condition {options.condition}"
+            )
         if options.condition == ALL:
             return _all_conditions(agent, options)
         if options.condition == FINITE:
@@ -114,7 +124,8 @@ def _report(
     seed = options.seed if options.layouts == "shared" else layouts_seed(options.seed, drawn_from)
     evaluation = evaluate(
         arena, design, policy, drawn_from, options.episodes, seed,
-        perception=perception, pursued=None if judgement is None else judgement.program,
+        perception=perception, pictures=PICTURES[options.pictures],
+        pursued=None if judgement is None else judgement.program,
     )  # fmt: skip
     for row in by_program(evaluation):
         count = f"{row.episodes} episode{'s' * (row.episodes > 1)}"
@@ -125,6 +136,7 @@ def _report(
         **_ends(evaluation, design.vocabulary),
         **({} if judgement is None else judgement.report()),
         "eval.condition": options.condition,
+        "eval.pictures": options.pictures,
         **_setting(options, design, arena),
     }
 

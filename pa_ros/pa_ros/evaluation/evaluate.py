@@ -19,6 +19,7 @@ from pa_ros.arena import (
     random_policy,
     scripted_action,
 )
+from pa_ros.arena.camera import PLAIN, Pictures
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64, Observation, Verdict
 from pa_ros.core.settings import OneOf
@@ -157,11 +158,13 @@ def evaluate(
     seed: int,
     n_blocks: int | None = None,
     perception: str = "",
+    pictures: Pictures = PLAIN,
     pursued: Callable[[Observation, ReachTask], Program] | None = None,
 ) -> Evaluation:
     """Evaluate an agent, or a reference by name, and both references on the same episodes.
 
-    `perception` is the calibration of the agent's camera (`perception.task_seen`). `pursued` says
+    `perception` is the calibration of the agent's camera, and `pictures` how the world looks to it
+    (`perception.task_seen`). `pursued` says
     which program of a goal the agent executes at a step; by default the verifier.
     """
     if n_blocks is not None:
@@ -173,7 +176,8 @@ def evaluate(
         scores = references[policy]
     else:
         agent = policy
-        seen = task_seen(config, design, seed, perception) if perception else task
+        camera = (perception, None, pictures)
+        seen = task_seen(config, design, seed, *camera) if perception else task
 
         def act(observation: Observation) -> Float64:
             program = seen.program if pursued is None else pursued(observation, seen)

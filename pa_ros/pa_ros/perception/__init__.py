@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from pa_ros.arena import ArenaConfig, Design, ReachTask
+from pa_ros.arena.camera import PLAIN, Pictures
 from pa_ros.perception.errors import PerceptionError
 from pa_ros.world import Reward
 
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
     from pa_ros.perception.sight import Sight
 
 TOLD = "told"
-VIEWS = {"camera": "above", "corner": "overview"}
-"""Cameras that agents can see through, by the name of the option, and the arena's name for them."""
+VIEWS = {"camera": ["above"], "corner": ["overview"], "both": ["above", "overview"]}
+"""The arena's cameras that agents can see through, by the name of the option."""
 SIDE_PX = 240  # of their square pictures
 
 
@@ -31,12 +32,19 @@ def calibrated(config: ArenaConfig, design: Design, perception: str) -> str:
     if perception == TOLD:
         return ""
     with _opencv():
+        from pa_ros.perception.calibration import Cameras
         from pa_ros.perception.task import calibrate
-    return calibrate(config, design, VIEWS[perception], SIDE_PX).to_text()
+    found = [calibrate(config, design, view, SIDE_PX) for view in VIEWS[perception]]
+    return Cameras(tuple(found)).to_text()
 
 
 def task_seen(
-    config: ArenaConfig, design: Design, seed: int, calibration: str, reward: Reward | None = None
+    config: ArenaConfig,
+    design: Design,
+    seed: int,
+    calibration: str,
+    reward: Reward | None = None,
+    pictures: Pictures = PLAIN,
 ) -> ReachTask:
     """The task through a calibrated camera; an empty text: properties are told.
 
@@ -45,17 +53,17 @@ def task_seen(
     if not calibration:
         return ReachTask(config, design, seed, reward)
     with _opencv():
-        from pa_ros.perception.calibration import Calibration
+        from pa_ros.perception.calibration import Cameras
         from pa_ros.perception.task import CameraTask
-    return CameraTask(config, design, seed, Calibration.from_text(calibration), reward)
+    return CameraTask(config, design, seed, Cameras.from_text(calibration), reward, pictures)
 
 
 def sight_of(config: ArenaConfig, calibration: str) -> Sight:
     """What sees through a calibrated camera over an arm's table. Raises as `task_seen`."""
     with _opencv():
-        from pa_ros.perception.calibration import Calibration
+        from pa_ros.perception.calibration import Cameras
         from pa_ros.perception.sight import Sight
-    return Sight(config, Calibration.from_text(calibration))
+    return Sight(config, Cameras.from_text(calibration))
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from pa_ros.core.experience import Float32, Float64
 from pa_ros.perception.view import BLOCK_M, PLANE_M, Mask, Picture, View
 
 UNLIKE_TABLE = 30  # least difference of a color, 0 to 255
+SHADE, DARKEST = 12, 0.3  # greatest difference of a color in a shadow, and a shadow's least light
 SMALLEST, LARGEST = 0.12, 1.75  # of a block's area: less is noise, more is several blocks
 CROP_M, CROP_PX = 0.10, 24  # of the square that is cut out around a blob
 COLORFUL = 90  # least saturation of pixels whose hue counts, 0 to 255
@@ -31,13 +32,13 @@ class Blob:
     area: float  # in areas of a usual block
     covered: bool  # in part, by the arm or by the picture's edge
     box: tuple[int, int, int, int]  # left, top, right, bottom; px
+    camera: int = 0  # that saw it; those with lower numbers are more exact
 
 
 def blobs(view: View, picture: Picture, arm: Mask) -> list[Blob]:
     """The blobs in a picture, without what shows the arm."""
     covered = cv2.dilate(arm.astype(np.uint8), ONES)
-    unlike = np.abs(picture - view.empty).max(-1) > UNLIKE_TABLE
-    shown = (unlike & view.table & (covered == 0)).astype(np.uint8)
+    shown = (_unlike(picture, view.empty, view.table & (covered == 0))).astype(np.uint8)
     beside_arm = np.asarray(cv2.dilate(covered, ONES) > 0)
     hsv = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2HSV), np.uint8)
     count, labels, stats, middles = cv2.connectedComponentsWithStats(shown, connectivity=8)
@@ -57,6 +58,21 @@ def blobs(view: View, picture: Picture, arm: Mask) -> list[Blob]:
                 mask[window] = part
                 found.append(_blob(view, picture, mask, beside_arm))
     return found
+
+
+def _unlike(picture: Picture, empty: NDArray[np.int16], table: Mask) -> Mask:
+    """The pixels of the table that do not show it, in any light."""
+    light = np.median(picture[table].sum(-1) / empty[table].sum(-1))
+    expected = np.minimum(empty * light, 255)
+    unlike: Mask = table & (np.abs(picture - expected).max(-1) > UNLIKE_TABLE)
+    # A shadow has the table's color. The mean over some pixels is compared, because of noise.
+    seen, known = (cv2.blur(x.astype(np.float32), (3, 3)) for x in (picture, empty))
+    shade = (seen * known).sum(-1) / np.maximum((known * known).sum(-1), 1.0)
+    other = np.abs(seen - shade[..., None] * known).max(-1)
+    shaded = (unlike & (other < SHADE * light) & (shade > DARKEST * light)).astype(np.uint8)
+    # Where nothing casts a shadow, such pixels are the dark edges of objects.
+    casts = bool(cv2.morphologyEx(shaded, cv2.MORPH_OPEN, ONES).any())
+    return unlike & (shaded == 0) if casts else unlike
 
 
 def _blob(view: View, picture: Picture, mask: Mask, beside_arm: Mask) -> Blob:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from base64 import b64decode, b64encode
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
@@ -106,30 +106,6 @@ class Calibration:
         }
         return cls(view, *size, {name: Channel.of(x) for name, x in looks.items()})
 
-    def features(self, blob: Blob) -> Float32:
-        """The properties of a blob, in the order of the schema's columns."""
-        return np.concatenate([self.channels[name](look(blob)) for name, look in CHANNELS.items()])
-
-    def schema(self, told: ObjectSchema) -> ObjectSchema:
-        """The schema of what is seen in place of one in which properties are told.
-
-        ConfigError unless it has the groups that this camera sees.
-        """
-        if [group.name for group in told] != list(self.channels) or told.bodiless:
-            raise ConfigError(
-                f"perception: expected a design with the property groups {list(self.channels)} and "
-                f"no places, got {[group.name for group in told]}"
-            )
-        seen = {name: Seen(x.width, calibration=self.digest) for name, x in self.channels.items()}
-        return ObjectSchema(
-            tuple(PropertyGroup(group.name, group.words, seen[group.name]) for group in told)
-        )
-
-    @cached_property
-    def digest(self) -> str:
-        """16 hexadecimal digits, the same for equal calibrations only."""
-        return hashlib.sha256(self.to_text().encode()).hexdigest()[:16]
-
     def to_text(self) -> str:
         """As one line of JSON."""
         channels = {
@@ -158,6 +134,59 @@ class Calibration:
                 f"calibration: expected what a training run wrote: {error!r}, got {text[:80]!r}",
                 code="perception.calibration",
             ) from error
+
+
+@dataclass(frozen=True, eq=False)
+class Cameras:
+    """The calibrated cameras that an agent sees through; the first sees best where blocks are."""
+
+    each: tuple[Calibration, ...]
+
+    def features(self, looks: Mapping[int, Blob]) -> Float32:
+        """The properties of an object, from the look that each camera had at it, in the order of
+        the schema's columns; zero where a camera did not see it."""
+        found = []
+        for name, look in CHANNELS.items():
+            for number, camera in enumerate(self.each):
+                channel, blob = camera.channels[name], looks.get(number)
+                unseen = np.zeros(channel.width, np.float32)
+                found.append(unseen if blob is None else channel(look(blob)))
+        # The norm is that of one camera's features.
+        return np.concatenate(found) / np.float32(len(self.each) ** 0.5)
+
+    @property
+    def widths(self) -> dict[str, int]:
+        """Number of features of each property group."""
+        return {name: sum(one.channels[name].width for one in self.each) for name in CHANNELS}
+
+    def schema(self, told: ObjectSchema) -> ObjectSchema:
+        """The schema of what is seen in place of one in which properties are told.
+
+        ConfigError unless it has the groups that cameras see.
+        """
+        if [group.name for group in told] != list(CHANNELS) or told.bodiless:
+            raise ConfigError(
+                f"perception: expected a design with the property groups {list(CHANNELS)} and "
+                f"no places, got {[group.name for group in told]}"
+            )
+        seen = {name: Seen(width, calibration=self.digest) for name, width in self.widths.items()}
+        return ObjectSchema(
+            tuple(PropertyGroup(group.name, group.words, seen[group.name]) for group in told)
+        )
+
+    @cached_property
+    def digest(self) -> str:
+        """16 hexadecimal digits, the same for equal calibrations only."""
+        return hashlib.sha256(self.to_text().encode()).hexdigest()[:16]
+
+    def to_text(self) -> str:
+        """One line for each camera."""
+        return "\n".join(one.to_text() for one in self.each)
+
+    @classmethod
+    def from_text(cls, text: str) -> Cameras:
+        """The inverse of `to_text`; PerceptionError for other text."""
+        return cls(tuple(map(Calibration.from_text, text.split("\n"))))
 
 
 def _channel(parts: dict[str, Float32]) -> Channel:

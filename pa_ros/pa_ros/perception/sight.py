@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import cv2
 import numpy as np
 
 from pa_ros.arena.arms import ARMS
+from pa_ros.arena.camera import PLAIN, Pictures
 from pa_ros.arena.config import ArenaConfig
 from pa_ros.core.experience import Float32, Float64
-from pa_ros.perception.blobs import Blob, blobs
-from pa_ros.perception.calibration import Calibration
+from pa_ros.perception.blobs import blobs
+from pa_ros.perception.calibration import Cameras
 from pa_ros.perception.tracker import Tracker
 from pa_ros.perception.view import BLOCK_M, PLANE_M, Mask, Picture, View
 from pa_ros.world.poses import POSE_WIDTH, in_hand
 
 SEEN_NOW, REMEMBERED = (255, 255, 255), (150, 150, 150)  # colors of boxes
+FONT = cv2.FONT_HERSHEY_SIMPLEX
 HIDES = 0.6  # of a block's side: a smaller part of the table that was never seen hides no block
 
 
@@ -25,41 +30,55 @@ class Sight:
     are added as objects are found.
     """
 
-    def __init__(self, config: ArenaConfig, calibration: Calibration) -> None:
+    def __init__(self, config: ArenaConfig, cameras: Cameras, pictures: Pictures = PLAIN) -> None:
         """RenderError where there is no OpenGL."""
-        size = calibration.width, calibration.height
-        view = self.view = View(config, calibration.view, *size)
-        self.calibration = calibration
+        sizes = [(one.view, one.width, one.height) for one in cameras.each]
+        self.views = [View(config, *size, pictures) for size in sizes]
+        self.cameras, view = cameras, self.views[0]
         v, u = np.mgrid[: view.height, : view.width]
-        radius = np.linalg.norm(view.on_plane(u, v, PLANE_M), axis=-1)
+        places = view.on_plane(u, v, PLANE_M)
+        radius = np.linalg.norm(places, axis=-1)
         low, high = ARMS[config.arm].block_radii_m
         self._within_reach: Mask = (radius > low - BLOCK_M / 2) & (radius < high + BLOCK_M / 2)
+        # Where the other cameras see the places that the first camera's pixels show.
+        self._same_place = [one.pixels(places, PLANE_M) for one in self.views[1:]]
         side = int(HIDES * BLOCK_M * view.pixels_per_m(np.zeros(2)))
         self._hides_block = np.ones((side, side), np.uint8)
         self.begin()
 
+    def close(self) -> None:
+        """Free the resources of OpenGL."""
+        for view in self.views:
+            view.close()
+
     def begin(self) -> None:
         """Forget what was seen: another episode begins."""
         self.tracker = Tracker()
-        self.arm: Mask | None = None  # in the newest picture
+        self.looked = False  # whether a picture was taken in
         self._never_seen = self._within_reach.copy()
 
-    def look(self, picture: Picture, joint_position: Float64) -> list[Blob]:
-        """Take in a picture, and the joints (rad) when it was taken; its blobs.
+    def look(self, pictures: Sequence[Picture], joint_position: Float64) -> None:
+        """Take in a picture of each camera, and the joints (rad) when they were taken.
 
         PerceptionError, with nothing changed, for a picture of another size.
         """
-        self.view.check(picture)
-        arm = self.arm = self.view.arm(joint_position)
-        found = blobs(self.view, picture, arm)
+        for view, picture in zip(self.views, pictures, strict=True):
+            view.check(picture)
+        self.looked, found = True, []
+        for camera, (view, picture) in enumerate(zip(self.views, pictures, strict=True)):
+            arm = view.arm(joint_position)
+            found += [replace(blob, camera=camera) for blob in blobs(view, picture, arm)]
+            if camera > 0:
+                u, v = self._same_place[camera - 1]
+                outside = (u < 0) | (v < 0) | (u >= view.width) | (v >= view.height)
+                arm = outside | arm[v.clip(0, view.height - 1), u.clip(0, view.width - 1)]
+            self._never_seen &= arm
         self.tracker.update(found)
-        self._never_seen &= arm
-        return found
 
     @property
     def complete(self) -> bool:
         """Whether more pictures would show nothing new of blocks that lie still."""
-        if any(track.blob.covered for track in self.tracker.tracks) or self.arm is None:
+        if any(track.covered for track in self.tracker.tracks) or not self.looked:
             return False
         hidden = cv2.erode(self._never_seen.astype(np.uint8), self._hides_block)
         return not hidden.any()
@@ -77,26 +96,30 @@ class Sight:
         objects[1:, POSE_WIDTH:] = properties
         return objects
 
-    def drawn(self, picture: Picture) -> Picture:
-        """The picture with a box around each object: its row, and the groups that are new."""
-        shown, properties = picture.copy(), self._properties()
-        for row, track in enumerate(self.tracker.tracks):
-            left, top, right, bottom = track.blob.box
-            words, start = [str(row + 1)], 0
-            for name, channel in self.calibration.channels.items():
-                if not properties[row, start : start + channel.width].any():
-                    words.append(f"new {name}")
-                start += channel.width
-            ink, place = REMEMBERED if track.age else SEEN_NOW, (left, top - 3)
-            cv2.rectangle(shown, (left, top), (right, bottom), ink)
-            cv2.putText(shown, " ".join(words), place, cv2.FONT_HERSHEY_SIMPLEX, 0.35, ink)
-        return shown
+    def drawn(self, pictures: Sequence[Picture]) -> Picture:
+        """The pictures, beside each other, with a box around each object: its row, and the groups
+        that are new."""
+        properties, drawn = self._properties(), []
+        for camera, picture in enumerate(pictures):
+            shown = picture.copy()
+            for row, track in enumerate(self.tracker.tracks):
+                words, start = [str(row + 1)], 0
+                for name, width in self.cameras.widths.items():
+                    if not properties[row, start : start + width].any():
+                        words.append(f"new {name}")
+                    start += width
+                if camera in track.looks:
+                    left, top, right, bottom = track.looks[camera].box
+                    ink, place = REMEMBERED if track.age else SEEN_NOW, (left, top - 3)
+                    cv2.rectangle(shown, (left, top), (right, bottom), ink)
+                    cv2.putText(shown, " ".join(words), place, FONT, 0.35, ink)
+            drawn.append(shown)
+        return np.hstack(drawn)
 
     def _properties(self) -> Float32:
         """[tracks, properties]; computed again only where a better look was had."""
         for track in self.tracker.tracks:
             if track.properties is None:
-                track.properties = self.calibration.features(track.blob)
-        width = sum(channel.width for channel in self.calibration.channels.values())
+                track.properties = self.cameras.features(track.looks)
         known = [track.properties for track in self.tracker.tracks]
-        return np.array(known, np.float32).reshape(-1, width)
+        return np.array(known, np.float32).reshape(-1, sum(self.cameras.widths.values()))

@@ -8,9 +8,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pa_ros.arena import ArenaConfig, Design, Episode, ReachTask
+from pa_ros.arena.camera import PLAIN, Pictures
 from pa_ros.core.experience import Float64, Observation, Verdict
 from pa_ros.perception.blobs import Blob, blobs
-from pa_ros.perception.calibration import MOST, Calibration
+from pa_ros.perception.calibration import MOST, Calibration, Cameras
 from pa_ros.perception.sight import Sight
 from pa_ros.perception.view import View
 from pa_ros.world import Reward
@@ -29,13 +30,14 @@ class CameraTask(ReachTask):
         config: ArenaConfig,
         design: Design,
         seed: int,
-        calibration: Calibration,
+        cameras: Cameras,
         reward: Reward | None = None,
+        pictures: Pictures = PLAIN,
     ) -> None:
         """RenderError where there is no OpenGL, ConfigError for a design that is not seen."""
-        self.seen_schema = calibration.schema(design.schema)
+        self.seen_schema = cameras.schema(design.schema)
         super().__init__(config, design, seed, reward, measures_programs=True)
-        self.sight = Sight(config, calibration)
+        self.sight = Sight(config, cameras, pictures)
         # Blocks that the arm touches may move, so every step is looked at.
         self._every = 1 if config.arm_touches_blocks else LOOK_EVERY
         self._looked_at = 0  # step of the newest picture
@@ -54,14 +56,14 @@ class CameraTask(ReachTask):
         self.sight.begin()
 
     def close(self) -> None:
-        self.sight.view.close()
+        self.sight.close()
 
     def _observe(self) -> tuple[Observation, Verdict]:
         true, verdict = super()._observe()
-        if self.sight.arm is None or self._is_due():
+        if not self.sight.looked or self._is_due():
             self._looked_at = self._step
-            picture = self.sight.view.take(self.simulation.model, self.simulation.data)
-            self.sight.look(picture, true.joint_position)
+            state = self.simulation.model, self.simulation.data
+            self.sight.look([view.take(*state) for view in self.sight.views], true.joint_position)
         return replace(true, objects=self.sight.objects(true.hand_pose)), verdict
 
     def _is_due(self) -> bool:

@@ -1,4 +1,7 @@
-"""Which blob of one picture is which of the next: nearest neighbours. Hidden blocks lie still."""
+"""Which blob is of which object, in the next picture and in another camera's: nearest neighbours.
+
+Hidden blocks lie still.
+"""
 
 from __future__ import annotations
 
@@ -21,13 +24,14 @@ class Track:
     """One object, at a row of the observation for a whole episode."""
 
     xy: Float64  # [2] m on the table
-    blob: Blob  # the best look at it
-    age: int = 0  # pictures since it was seen last
-    properties: Float32 | None = None  # of that look, once computed
+    looks: dict[int, Blob]  # each camera's best look at it
+    age: int = 0  # updates since it was seen last
+    properties: Float32 | None = None  # of these looks, once computed
 
-    def see(self, xy: Float64, blob: Blob) -> None:
-        """Move it, and look at it anew."""
-        self.xy, self.blob, self.properties = xy, blob, None
+    @property
+    def covered(self) -> bool:
+        """Whether no camera has seen it whole."""
+        return all(look.covered for look in self.looks.values())
 
 
 class Tracker:
@@ -42,19 +46,22 @@ class Tracker:
         self.tracks: list[Track] = []
 
     def update(self, blobs: Sequence[Blob]) -> None:
-        """Take in the blobs of a new picture."""
+        """Take in the blobs of a new picture from each camera."""
         for track in self.tracks:
             track.age += 1
-        free = list(self.tracks)
-        for blob in sorted(blobs, key=lambda blob: (blob.covered, -blob.area)):
-            near = [track for track in free if _apart(track, blob) < NEAR_M]
-            if near:
-                track = min(near, key=lambda track: _apart(track, blob))
-                free.remove(track)
+        taken: set[tuple[Track, int]] = set()
+        for blob in sorted(blobs, key=lambda blob: (blob.covered, blob.camera, -blob.area)):
+            near = [track for track in self.tracks if _apart(track, blob) < NEAR_M]
+            free = [track for track in near if (track, blob.camera) not in taken]
+            if free:
+                track = min(free, key=lambda track: _apart(track, blob))
                 _follow(track, blob)
-            elif len(self.tracks) < self._most:
-                if all(_apart(track, blob) >= NEAR_M for track in self.tracks):
-                    self.tracks.append(Track(blob.xy, blob))
+            elif near or len(self.tracks) == self._most:
+                continue
+            else:
+                track = Track(blob.xy, {blob.camera: blob})
+                self.tracks.append(track)
+            taken.add((track, blob.camera))
 
 
 def _apart(track: Track, blob: Blob) -> float:
@@ -62,13 +69,14 @@ def _apart(track: Track, blob: Blob) -> float:
 
 
 def _follow(track: Track, blob: Blob) -> None:
-    track.age, better = 0, blob.area > track.blob.area
-    if blob.covered:
-        if track.blob.covered and better:
-            track.see(blob.xy, blob)
-    elif track.blob.covered or _apart(track, blob) > MOVED_M:
-        track.see(blob.xy, blob)
-    else:
+    own, moved = track.looks.get(blob.camera), _apart(track, blob) > MOVED_M
+    better = own is None or blob.area > own.area
+    # The first blob of an update is of the camera that sees the object best.
+    steers, track.age = track.age > 0, 0
+    if steers and not blob.covered and not track.covered and not moved:
         track.xy = (1 - NEWEST) * track.xy + NEWEST * blob.xy
-        if better:
-            track.see(track.xy, blob)
+    elif steers and (track.covered and better if blob.covered else True):
+        track.xy = blob.xy
+    whole = own is not None and not own.covered
+    if (not whole and better) if blob.covered else (not whole or moved or better):
+        track.looks[blob.camera], track.properties = blob, None

@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.arena.camera import Camera, intrinsics, optical_pose
+from pa_ros.arena.camera import PLAIN, Camera, Pictures, intrinsics, optical_pose
 from pa_ros.arena.config import ArenaConfig
-from pa_ros.arena.model import TABLE_SIDE_M, build
+from pa_ros.arena.model import TABLE_SIDE_M, build, build_textured
 from pa_ros.core.experience import Float64
 from pa_ros.perception.errors import PerceptionError
 
@@ -30,13 +30,19 @@ OF_ARM = 8  # least difference of a color (0 to 255) that shows the arm's model
 class View:
     """A calibrated camera: its matrix, its pose, the empty table, and the arm's model."""
 
-    def __init__(self, config: ArenaConfig, view: str, width: int, height: int) -> None:
-        """`view` is a camera of the arena. RenderError where there is no OpenGL."""
+    def __init__(
+        self, config: ArenaConfig, view: str, width: int, height: int, pictures: Pictures = PLAIN
+    ) -> None:
+        """`view` is a camera of the arena. The empty table is known with its texture, but in plain
+        light. RenderError where there is no OpenGL."""
         self.width, self.height = width, height
-        self._model = build(config, [])
+        self._model = build_textured(config) if pictures.texture else build(config, [])
         self._data = mujoco.MjData(self._model)
         self._joints = config.joints
-        self._camera = Camera(self._model, view, width, height)
+        known, size = Pictures(texture=pictures.texture), (width, height)
+        self._imagined = Camera(self._model, view, *size, known)
+        same = pictures == known
+        self._camera = self._imagined if same else Camera(self._model, view, *size, pictures)
         self.matrix = intrinsics(self._model, view, width, height)  # K, [3, 3] px
         pose, turn = optical_pose(self._model, view), np.zeros(9)
         mujoco.mju_quat2Mat(turn, np.roll(pose.quaternion, 1))
@@ -51,6 +57,8 @@ class View:
     def close(self) -> None:
         """Free the resources of OpenGL."""
         self._camera.close()
+        if self._imagined is not self._camera:
+            self._imagined.close()
 
     def check(self, picture: Picture) -> None:
         """Raise PerceptionError unless a picture has this camera's size."""
@@ -64,7 +72,7 @@ class View:
     def arm(self, joint_position: Float64) -> Mask:
         """The pixels that show the arm at these joint positions (rad)."""
         self._data.qpos[: self._joints] = joint_position
-        shown = self.take(self._model, self._data).astype(np.int16)
+        shown = self._imagine().astype(np.int16)
         arm: Mask = np.abs(shown - self.empty).max(-1) > OF_ARM
         return arm
 
@@ -78,6 +86,14 @@ class View:
         met: Float64 = self._place[:2] + along[..., None] * ray[..., :2]
         return met
 
+    def pixels(self, xy: Float64, height: float) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+        """The columns and rows of the pixels, also outside the picture, that show places [..., 2]
+        at a height."""
+        places = np.concatenate([xy, np.full((*xy.shape[:-1], 1), height)], -1)
+        x, y, along = np.moveaxis((places - self._place) @ self._turn, -1, 0)
+        (fx, _, cx), (_, fy, cy) = self.matrix[:2]
+        return np.rint(fx * x / along + cx).astype(int), np.rint(fy * y / along + cy).astype(int)
+
     def pixels_per_m(self, xy: Float64) -> float:
         """How large a metre at a place on the table is in the picture."""
         away = np.array([*xy, PLANE_M]) - self._place
@@ -85,9 +101,11 @@ class View:
 
     def take(self, model: mujoco.MjModel, data: mujoco.MjData) -> Picture:
         """A picture of any state of this arena."""
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_camlight(model, data)
-        return self._camera.of(model, data)
+        return _taken(self._camera, model, data)
+
+    def _imagine(self) -> Picture:
+        """A picture of the arm's model, in plain light."""
+        return _taken(self._imagined, self._model, self._data)
 
     def _empty_table(self) -> NDArray[np.int16]:
         """The picture without arm and blocks."""
@@ -95,6 +113,12 @@ class View:
         for i in range(self._model.ngeom):
             if self._model.geom(i).name not in ("floor", "table"):
                 self._model.geom_rgba[i, 3] = 0.0
-        empty = self.take(self._model, self._data).astype(np.int16)
+        empty = self._imagine().astype(np.int16)
         self._model.geom_rgba[:, 3] = alpha
         return empty
+
+
+def _taken(camera: Camera, model: mujoco.MjModel, data: mujoco.MjData) -> Picture:
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_camlight(model, data)
+    return camera.of(model, data)

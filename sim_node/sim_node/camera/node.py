@@ -74,7 +74,7 @@ class CameraNode(ManagedNode):
 
     def cleanup(self) -> None:
         if self._sight is not None:
-            self._sight.view.close()
+            self._sight.close()
 
     # The arena's steps
 
@@ -86,9 +86,9 @@ class CameraNode(ManagedNode):
         """Begin with another arena. PaError for one whose blocks have other properties."""
         config = preset_named("fast", arena.arm or "jaco")  # only the arm's looks matter here
         sight = sight_of(config, self._calibration)
-        schema = sight.calibration.schema(arena.world.schema)
+        schema = sight.cameras.schema(arena.world.schema)
         if self._sight is not None:
-            self._sight.view.close()
+            self._sight.close()
         self._sight, self._calibrated = sight, False
         self._steps.clear()
         seen = replace(arena.world, schema=schema)
@@ -111,7 +111,7 @@ class CameraNode(ManagedNode):
         """Publish a step with the objects seen, unless the camera has stopped, or saw nothing yet
         of this episode."""
         assert self._sight is not None  # a step of its arena has arrived
-        if not self.active or self._age > self.config.timeout_s or self._sight.arm is None:
+        if not self.active or self._age > self.config.timeout_s or not self._sight.looked:
             return
         objects = self._sight.objects(step.observation.hand_pose)
         seen = replace(step.observation, objects=objects)
@@ -124,7 +124,7 @@ class CameraNode(ManagedNode):
         matrix = decode_camera_matrix(message)
         if self._sight is None:
             return
-        expected = self._sight.view.matrix
+        expected = self._sight.views[0].matrix
         if not np.allclose(matrix, expected, rtol=0, atol=SAME_PX):
             raise PaError(
                 f"camera_info.k: expected the camera that the agent learned with, "
@@ -141,11 +141,11 @@ class CameraNode(ManagedNode):
         of = min(self._steps, key=lambda step: abs(step.observation.stamp_ns - stamp_ns))
         if abs(of.observation.stamp_ns - stamp_ns) > arena.control_period * 5e8:
             return  # of another episode
-        held = sight.arm is None or self._age > self.config.timeout_s
-        sight.look(picture, of.observation.joint_position)
+        held = not sight.looked or self._age > self.config.timeout_s
+        sight.look([picture], of.observation.joint_position)
         self._looked_at = time.monotonic()
         if self._tracks.get_subscription_count():
-            self._tracks.publish(encode_image(sight.drawn(picture), OPTICAL_FRAME, stamp_ns))
+            self._tracks.publish(encode_image(sight.drawn([picture]), OPTICAL_FRAME, stamp_ns))
         if held:
             self._publish(self._steps[-1])
 
