@@ -35,8 +35,8 @@ class SimConfig(NodeSettings, ArenaChoice):
     condition: str = Field("train", description="that episodes are drawn from")
     perception: str = Field(
         TOLD,
-        description="what blocks are: told, or seen by a new camera above (camera) or in a corner, "
-        "or by the camera of this checkpoint",
+        description="what blocks are: told, or seen by new cameras above (camera), in a corner, "
+        "or both, or by the cameras of this checkpoint",
     )
     program_source: Literal["generator", "topic"] = Field(
         "generator", description="topic: execute what comes, in a scene that stays"

@@ -36,7 +36,7 @@ from sim_node.entities import Entities
 from sim_node.services import Services
 from sim_node.session import ActiveProgram, Session, SimError
 from sim_node.stepping import SteppingAction
-from sim_node.viewers import CameraView, Samples, StepViews, Views
+from sim_node.viewers import CameraView, Samples, StepViews, Tracks, Views
 
 
 class SimNode(ManagedNode):
@@ -115,6 +115,8 @@ class SimNode(ManagedNode):
         self._camera = CameraView(self) if with_camera else None
         Views(self, entities, self._camera)
         self.samples = Samples(self)
+        if self.session.perception:
+            Tracks(self, self.session.task)
 
     # One control step
 

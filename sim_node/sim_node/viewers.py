@@ -1,7 +1,7 @@
 """What people look at, published only while somebody subscribes, and outside the control steps.
 
 The arm's description, poses and markers for RViz; samples of the current step for tools that need
-not see every step; pictures of a camera.
+not see every step; pictures of a camera, and what an arena that sees found in its own.
 """
 
 from __future__ import annotations
@@ -9,10 +9,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from pa_ros.arena import ReachTask
 from pa_ros.arena.camera import Camera, intrinsics, optical_pose
 from pa_ros.arena.errors import RenderError
 from pa_ros.arena.urdf import urdf
@@ -32,11 +33,12 @@ from pa_ros.wire.views import (
 from sim_node.entities import Entities, solids
 
 if TYPE_CHECKING:
+    from pa_ros.perception.task import CameraTask
     from sim_node.node import SimNode
 
 VIEWS_S = 0.1  # wall time between two sets of poses and markers
 SAMPLES_S = 0.25  # wall time between two samples
-CAMERA_POLL_S = 0.02  # wall time between two looks at the simulation's clock
+CAMERA_POLL_S = 0.01  # wall time between two looks at the simulation's clock
 # Wall time between two pictures while simulation time stops, because blocks may have been moved.
 CAMERA_STILL_S = 1.0
 
@@ -92,6 +94,21 @@ class CameraView:
         self._image.publish(encode_image(self._camera.picture(), OPTICAL_FRAME, stamp_ns))
         self._info.publish(encode_camera_info(self._matrix, *size, OPTICAL_FRAME, stamp_ns))
         self.pictures += 1
+
+
+class Tracks:
+    """What the cameras of an arena that sees show now, with a box around each object found."""
+
+    def __init__(self, arena: SimNode, task: ReachTask) -> None:
+        """`task` is a CameraTask."""
+        self._arena, self._task = arena, cast("CameraTask", task)
+        self._out = topics.CAMERA_TRACKS.publisher(arena)
+        steady_timer(arena, SAMPLES_S, self._show)
+
+    def _show(self) -> None:
+        if self._out.get_subscription_count() and self._arena.active:
+            stamp_ns = self._arena.session.current.observation.stamp_ns
+            self._out.publish(encode_image(self._task.drawn(), OPTICAL_FRAME, stamp_ns))
 
 
 class Views:

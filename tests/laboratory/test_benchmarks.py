@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import baselines, peers, roles
+from benchmarks.camera import Uses
 from benchmarks.latency import Latencies
 from benchmarks.peers import OURS, PeerScore, run_contender
 from pa_ros.core.errors import ConfigError
@@ -31,6 +32,17 @@ def test_a_program_is_timed_until_a_command_answers_a_step_under_it():
     assert times.commanded(200, 2.2) and times.programs == pytest.approx([1.0])
     times.observed(300, "b", 3.0)
     assert not times.commanded(300, 3.1) and len(times.programs) == 1
+
+
+def test_a_picture_is_timed_until_the_command_of_the_first_step_that_follows_it():
+    times = Uses()
+    step, picture, command = range(3)
+    for kind, stamp_ns, now_s in [
+        (step, 100, 1.0), (picture, 100, 1.1), (command, 100, 1.15),  # too late for its step
+        (picture, 200, 1.2), (step, 200, 1.3), (command, 200, 1.4), (command, 200, 1.5),
+    ]:  # fmt: skip
+        times.wrote(kind, stamp_ns, now_s)
+    assert times.latencies_s == pytest.approx([0.3, 0.2]) and not times.pictures
 
 
 def test_latencies_are_reported_as_percentiles_in_milliseconds():

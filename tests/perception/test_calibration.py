@@ -1,6 +1,7 @@
 """What blobs look like as numbers, and their tracks: without pictures."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -80,6 +81,19 @@ def test_a_damaged_calibration_is_rejected(damage: dict[str, object]) -> None:
         Cameras.from_text(text)
 
 
+def test_features_of_two_cameras_stand_beside_each_other_and_one_may_have_seen_nothing() -> None:
+    first, second = made_of(0), made_of(1)
+    both = Cameras.from_text(Cameras(first.each + second.each).to_text())
+    look = blob()
+    seen = both.features({0: look, 1: look}) * 2**0.5
+    (one,), (other,) = first.each, second.each
+    shapes = [camera.channels["shape"](shape(look)) for camera in (one, other)]
+    assert np.allclose(seen[: both.widths["shape"]], np.concatenate(shapes))
+    half = both.features({1: look}) * 2**0.5
+    assert not half[: one.channels["shape"].width].any()
+    assert np.allclose(half[one.channels["shape"].width : both.widths["shape"]], shapes[1])
+
+
 def test_too_few_blobs_make_no_calibration() -> None:
     with pytest.raises(PerceptionError, match="expected at least 40 blobs, found 3: does camera"):
         Calibration.of("above", (240, 240), [blob()] * 3)
@@ -92,6 +106,11 @@ def test_a_track_keeps_its_row_place_and_looks_while_its_object_is_covered() -> 
     (first, second) = tracker.tracks
     assert first.xy.tolist() == [0.3, 0.0] and first.looks[0].area == 1.0 and first.age == 0
     assert second.xy.tolist() == [0.0, 0.3] and second.age == 1
+    second.looks[0] = replace(second.looks[0], covered=True)  # the other camera sees more
+    other = replace(blob((0.02, 0.31), BLUE), camera=1)
+    tracker.update([other, replace(blob((0.3, 0.001)), camera=1), blob((0.3, 0.0))])
+    assert second.xy.tolist() == [0.02, 0.31] and set(second.looks) == {0, 1}
+    assert first.xy.tolist() == [0.3, 0.0] and len(tracker.tracks) == 2
     tracker.update([blob((0.33, 0.0)), blob((0.0, -0.5))])  # pushed, and one without a row
     assert tracker.tracks[0].xy.tolist() == [0.33, 0.0]
     assert len(tracker.tracks) == 2

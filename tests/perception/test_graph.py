@@ -1,10 +1,12 @@
 """Agents that see, over the graph: the same bits as in one process, and EQUAL when repeated."""
 
+from contextlib import closing
 from copy import copy
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -123,6 +125,27 @@ def test_the_graph_learns_the_same_bits_from_pictures(recorded: Path, tmp_path: 
                 learner.consume(one.trajectory)
     assert learner.counters.version == there.version
     assert weights_checksum(learner.snapshot()) == weights_checksum(there)
+
+
+@pytest.mark.graph
+def test_the_console_shows_what_an_arena_sees(recorded: Path) -> None:
+    pytest.importorskip("viser", reason="the extra `console` is not installed")
+    from pa_ros.console.live import LiveConsole
+
+    page = MagicMock()
+    scene = {"sim_node__perception": str(recorded / "checkpoint"), "sim_node__mode": "real_time"}
+    with graph(SimNode, **scene) as probe, closing(LiveConsole(probe, probe, page, "")) as console:
+
+        def shown() -> bool:
+            console.tick(pages=1)
+            return bool(page.show_picture.called)
+
+        assert probe.until(shown)
+        task = probe.nodes[0].session.task
+        (picture,) = page.show_picture.call_args[0]
+        boxes = (picture != task.pictures()[0]).any(-1)
+        left, top, right, bottom = task.sight.tracker.tracks[0].looks[0].box
+        assert boxes[top, left : right + 1].all() and boxes.mean() < 0.2
 
 
 class Relay:

@@ -15,6 +15,7 @@ from pa_ros.arena import (
     scripted_action,
     training_programs,
 )
+from pa_ros.arena.camera import PICTURES
 from pa_ros.core.errors import ConfigError
 from pa_ros.world.poses import in_base
 from pa_ros.world.schema import Seen
@@ -70,6 +71,49 @@ def test_blocks_that_touch_are_two(seen: CameraTask, kinds: str) -> None:
     seen.simulation.place(replace(seen.episode, blocks=pair))
     found = [block for _, block, apart in found_in(seen.sight.views[0], seen) if apart < 0.015]
     assert sorted(found) == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("name", "view"), [("bright", "above"), ("hard", "above"), ("hard", "overview")]
+)
+def test_blocks_are_found_in_other_light_with_noise_shadows_and_texture(
+    seen: CameraTask, name: str, view: str
+) -> None:
+    hard = View(CONFIG, view, 240, 240, PICTURES[name])
+    plain = View(CONFIG, view, 240, 240)
+    found: list[int] = []
+    wrong: list[float] = []
+    usual: list[int] = []
+    for episode in range(2):
+        seen.reset(episode, "blocks-8")
+        usual += [block for _, block, apart in found_in(plain, seen) if apart < 0.03]
+        for _, block, apart in found_in(hard, seen):
+            (found if apart < 0.03 else wrong).append(block)
+    hard.close()
+    plain.close()
+    assert len(usual) >= 14 and len(found) >= 0.95 * len(usual) and len(wrong) <= 2
+
+
+def test_two_cameras_see_what_the_arm_hides_from_one(seen: CameraTask) -> None:
+    above = seen.sight.cameras.each[0]
+    corner = replace(above, view="overview")  # its looks are not used here
+    task = CameraTask(CONFIG, DESIGN, 7, Cameras((above, corner)))
+    try:
+        one, two, all_ = 0, 0, 0
+        for episode in (0, 6):
+            seen.reset(episode, "blocks-6")
+            observation, _ = task.reset(episode, "blocks-6")
+            poses = observation.objects[1:, :7].astype(np.float64)
+            places = in_base(observation.hand_pose, poses)[:, :2]
+            true = task.simulation.positions[1:, :2]
+            apart = np.linalg.norm(true[:, None] - places, axis=-1)
+            assert (apart.min(0) < 0.03).all() and len(places) <= len(true)
+            one, two, all_ = (
+                one + len(seen.sight.tracker.tracks), two + len(places), all_ + len(true)
+            )  # fmt: skip
+        assert one < two == all_
+    finally:
+        task.close()
 
 
 def test_looks_unlike_all_that_is_known_are_zero_and_known_ones_are_not(seen: CameraTask) -> None:

@@ -34,8 +34,18 @@ def test_an_agent_trained_from_pictures_keeps_its_camera(
     assert cli.main([*run, *settings, "--frames", "400", "--resume"]) == 0
     assert load_agent(tmp_path).perception == agent.perception
     scored = ["eval", "--checkpoint", str(tmp_path), "--condition", "blocks-3", "--episodes", "1"]
+    scored += ["--pictures", "hard"]
     assert cli.main(scored) == 0
     assert ": 1 episode, " in capsys.readouterr().out
+
+
+def test_pictures_are_of_one_condition_and_for_agents_that_see(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for checkpoint, condition in (("shipped:camera", "all"), ("shipped:3-D", "eval")):
+        wanted = ["--checkpoint", checkpoint, "--condition", condition, "--pictures", "dim"]
+        assert cli.main(["eval", *wanted]) == 2
+        assert "expected one condition and an agent that sees" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

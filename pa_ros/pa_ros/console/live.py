@@ -24,7 +24,7 @@ from pa_ros.console.sources import DEPTH, Sampler
 from pa_ros.core.errors import PaError
 from pa_ros.language import Vocabulary, parse_goal
 from pa_ros.ros.refusals import Refusals
-from pa_ros.ros.topics import ARENA_INFO, OBJECT_FEATURES, PROGRAM_STATUS, SAMPLES
+from pa_ros.ros.topics import ARENA_INFO, CAMERA_TRACKS, OBJECT_FEATURES, PROGRAM_STATUS, SAMPLES
 from pa_ros.tools.arm import Arm
 from pa_ros.tools.client import namespaces_of_arenas
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
@@ -34,6 +34,7 @@ from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, Mode, decode_arena_info
 from pa_ros.wire.program import decode_program_status
 from pa_ros.wire.step import decode_step
+from pa_ros.wire.views import decode_image
 
 SURVEY_S = 2.0  # how often arenas are looked for
 FIGURES_S = 1.0  # how often curves and alarms are updated
@@ -56,7 +57,8 @@ class LiveConsole:
         watch_diagnostics(node, self._figures)
         self._serial, self._began = count(), time.monotonic()
         self._surveyed = self._plotted = self._drawn = -SURVEY_S
-        self._sampler: Sampler | None = None
+        self._sampler: Sampler | None = None  # of steps
+        self._pictures: Sampler | None = None
         self._open: list[Any] = []  # subscriptions in the arena's namespace
         self._weights: AgentWeights
         self._arms: dict[str, Arm] = {}  # by namespace
@@ -120,6 +122,7 @@ class LiveConsole:
         self._drawn = now
         self._weights.refresh()
         self._draw((self._sampler or self._subscribe(lockstep)).take())
+        self._show_picture()
         asked = markup.quiet(self.asked) if self.asked else ""
         self._page.set_panel("History", self._history.html() + asked)
         if now - self._plotted > FIGURES_S:
@@ -141,6 +144,7 @@ class LiveConsole:
         sampled = lockstep and self._node.count_publishers(samples) > 0
         steps = (LOCKSTEP_DEPTH, SAMPLES) if sampled else (DEPTH, OBJECT_FEATURES)
         self._sampler = Sampler(self._sampled, self._namespace, *steps)
+        self._pictures = Sampler(self._sampled, self._namespace, 1, CAMERA_TRACKS)
         return self._sampler
 
     def _rest(self) -> None:
@@ -148,6 +152,9 @@ class LiveConsole:
         if self._sampler is not None:
             self._sampler.close()
             self._sampler = None
+        if self._pictures is not None:
+            self._pictures.close()
+            self._pictures = None
         self._weights.rest()
 
     def _choose(self, namespace: str) -> None:
@@ -212,6 +219,15 @@ class LiveConsole:
             return
         self._history.add(program_id, program)
         self.ask("send", lambda arm: arm.send(program, program_id))
+
+    def _show_picture(self) -> None:
+        """Show what an arena that sees, or camera_node, found in its newest picture."""
+        for message in self._pictures.take() if self._pictures is not None else ():
+            try:
+                _, picture = decode_image(message)
+                self._page.show_picture(picture)
+            except PaError as error:
+                self._refusals.refuse("picture", error)
 
     def _draw(self, messages: list[Message]) -> None:
         """Follow executions through all steps, and draw the newest."""

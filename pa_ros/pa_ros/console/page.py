@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 
 from pa_ros.console import markup
 from pa_ros.console.moment import Moment
@@ -26,8 +27,8 @@ CURVES = {  # plots, each with two curves: label, node, and key in its diagnosti
                 ("weights version", "learner_node", "version")),
 }  # fmt: skip
 # Alarms come first: a person must not have to scroll to see them.
-ORDER = {"Alarms": 1, "Program": 2, "Arena": 3, "State": 4, "History": 5, "Why": 6, "Φ and p": 7,
-         "Learning": 8}  # fmt: skip
+ORDER = {"Alarms": 1, "Program": 2, "Arena": 3, "State": 4, "History": 5, "Why": 6, "Seen": 7,
+         "Φ and p": 8, "Learning": 9}  # fmt: skip
 
 
 class Page:
@@ -35,12 +36,14 @@ class Page:
 
     def __init__(self, served: ConsoleServer, learning: bool = True) -> None:
         server = served.viser
+        self._server = server
         self.scene = ArenaScene(server, served.reflections)
         self._shown: dict[str, str] = {}  # HTML by panel
         self._html = {
             name: _panel(server, name, name in ("State", "History", "Why", "Alarms"))
             for name in ("State", "History", "Why", "Φ and p", *["Alarms"] * learning)
         }
+        self._seen: Any = None  # the picture, once there is one
         self._curves = _Curves(server) if learning else None
 
     def show(self, moment: Moment, remark: str = "") -> None:
@@ -59,6 +62,13 @@ class Page:
         """Put HTML into a panel; nothing is sent if it is there already."""
         if panel in self._html and self._shown.get(panel) != html:
             self._shown[panel] = self._html[panel].content = html
+
+    def show_picture(self, picture: NDArray[np.uint8]) -> None:
+        """Show what a camera sees, beside Φ; RGB."""
+        if self._seen is None:
+            with self._server.gui.add_folder("Seen", order=ORDER["Seen"]):
+                self._seen = self._server.gui.add_image(picture)
+        self._seen.image = picture
 
     def plot(self, at_s: float, value: Callable[[str, str], float | None]) -> None:
         """Add a point to each curve; `value(node, key)` returns what a node reports."""

@@ -37,7 +37,7 @@ from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
 from pa_ros.learning.interfaces import Evaluate
 from pa_ros.learning.protocols import PUSH, LearningSettings, usual_protocol
-from pa_ros.perception import TOLD, task_seen
+from pa_ros.perception import TOLD, VIEWS, task_seen
 from pa_ros.world.relation import SIDES
 
 log = logging.getLogger(__name__)
@@ -134,7 +134,10 @@ EXPERIMENTS = {
     for experiment in (
         Experiment("programmable-2L", "2-L", 30_000),
         Experiment("programmable-3D", "3-D", 60_000),
-        Experiment("camera-3D", "3-D", 25_000, perception="camera", evaluate_every_frames=5_000),
+        *(
+            Experiment(f"{view}-3D", "3-D", 25_000, perception=view, evaluate_every_frames=5_000)
+            for view in VIEWS
+        ),
         Experiment("programmable-3D-exact", "3-D-exact", 30_000),
         Experiment("sizes", "sizes", 40_000),
         Experiment("distilled-2L", "2-L", 30_000, network="distilled-critic"),

@@ -13,7 +13,7 @@ from pa_ros.core.experience import Float64, Observation, Verdict
 from pa_ros.perception.blobs import Blob, blobs
 from pa_ros.perception.calibration import MOST, Calibration, Cameras
 from pa_ros.perception.sight import Sight
-from pa_ros.perception.view import View
+from pa_ros.perception.view import Picture, View
 from pa_ros.world import Reward
 from pa_ros.world.world import World
 
@@ -58,12 +58,20 @@ class CameraTask(ReachTask):
     def close(self) -> None:
         self.sight.close()
 
+    def drawn(self) -> Picture:
+        """What each camera shows now, with the objects found so far (`Sight.drawn`)."""
+        return self.sight.drawn(self.pictures())
+
+    def pictures(self) -> list[Picture]:
+        """What each camera shows now."""
+        state = self.simulation.model, self.simulation.data
+        return [view.take(*state) for view in self.sight.views]
+
     def _observe(self) -> tuple[Observation, Verdict]:
         true, verdict = super()._observe()
         if not self.sight.looked or self._is_due():
             self._looked_at = self._step
-            state = self.simulation.model, self.simulation.data
-            self.sight.look([view.take(*state) for view in self.sight.views], true.joint_position)
+            self.sight.look(self.pictures(), true.joint_position)
         return replace(true, objects=self.sight.objects(true.hand_pose)), verdict
 
     def _is_due(self) -> bool:

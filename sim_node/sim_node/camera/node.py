@@ -22,6 +22,7 @@ from pa_ros.core.extensions import NodeSettings
 from pa_ros.learning.checkpoints import camera_of
 from pa_ros.perception import sight_of
 from pa_ros.ros import topics
+from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import OK, WARN
 from pa_ros.ros.lifecycle import ManagedNode
 from pa_ros.ros.peers import PeerMonitor
@@ -35,6 +36,7 @@ if TYPE_CHECKING:  # it imports OpenCV
 
 SEEN = "seen"  # namespace of what is published
 KEPT = 20  # steps, one of which a picture is of
+PATIENCE, TICK_S = 0.7, 0.005  # the share of a control period that a step waits for its picture
 SAME_PX = 2.0  # greatest difference of two cameras' matrices
 
 
@@ -62,6 +64,8 @@ class CameraNode(ManagedNode):
         self._arenas = PeerMonitor[ArenaDescription]("arena", self._see_for)
         self._sight: Sight | None = None
         self._steps: deque[Step] = deque(maxlen=KEPT)  # of this episode
+        self._early: Message | None = None  # a picture of the next step
+        self._waiting_since: float | None = None  # s; the newest step waits for its picture
         self._looked_at = -np.inf  # when the newest usable picture arrived, s
         self._calibrated = False  # whether camera_info is that of the calibration
         self._out = self.advertise(topics.OBJECT_FEATURES.within(SEEN))
@@ -71,6 +75,7 @@ class CameraNode(ManagedNode):
         self.subscribe(topics.OBJECT_FEATURES, self._on_step)
         self.subscribe(topics.CAMERA_INFO, self._on_info)
         self.subscribe(topics.CAMERA_IMAGE, self._on_picture)
+        steady_timer(self, TICK_S, self._wait)
 
     def cleanup(self) -> None:
         if self._sight is not None:
@@ -86,11 +91,18 @@ class CameraNode(ManagedNode):
         """Begin with another arena. PaError for one whose blocks have other properties."""
         config = preset_named("fast", arena.arm or "jaco")  # only the arm's looks matter here
         sight = sight_of(config, self._calibration)
+        if (cameras := len(sight.views)) > 1:
+            sight.close()
+            raise PaError(
+                f"perception: expected an agent that sees through one camera, got {cameras}",
+                code="perception.camera",
+            )
         schema = sight.cameras.schema(arena.world.schema)
         if self._sight is not None:
             self._sight.close()
         self._sight, self._calibrated = sight, False
         self._steps.clear()
+        self._waiting_since = None
         seen = replace(arena.world, schema=schema)
         described = replace(arena, world=seen, perception=self._calibration)
         self._info.publish(encode_arena_info(described))
@@ -105,7 +117,16 @@ class CameraNode(ManagedNode):
             self._steps.clear()
             self._sight.begin()
         self._steps.append(step)
-        self._publish(step)
+        self._waiting_since = time.monotonic()
+        if (early := self._early) is not None:
+            self._on_picture(early)
+
+    def _wait(self) -> None:
+        """Publish a step whose picture does not arrive in time: commands must not be late."""
+        arena, since = self._arenas.current, self._waiting_since
+        if arena is not None and since is not None:
+            if time.monotonic() - since > PATIENCE * arena.control_period:
+                self._publish(self._steps[-1])
 
     def _publish(self, step: Step) -> None:
         """Publish a step with the objects seen, unless the camera has stopped, or saw nothing yet
@@ -113,6 +134,7 @@ class CameraNode(ManagedNode):
         assert self._sight is not None  # a step of its arena has arrived
         if not self.active or self._age > self.config.timeout_s or not self._sight.looked:
             return
+        self._waiting_since = None
         objects = self._sight.objects(step.observation.hand_pose)
         seen = replace(step.observation, objects=objects)
         self._out.publish(encode_step(replace(step, observation=seen)))
@@ -139,15 +161,17 @@ class CameraNode(ManagedNode):
             return
         stamp_ns, picture = decode_image(message)
         of = min(self._steps, key=lambda step: abs(step.observation.stamp_ns - stamp_ns))
-        if abs(of.observation.stamp_ns - stamp_ns) > arena.control_period * 5e8:
-            return  # of another episode
-        held = not sight.looked or self._age > self.config.timeout_s
+        later_ns = stamp_ns - of.observation.stamp_ns
+        # The picture of a step may be served before the step.
+        self._early = message if later_ns > arena.control_period * 5e8 else None
+        if abs(later_ns) > arena.control_period * 5e8:
+            return
         sight.look([picture], of.observation.joint_position)
         self._looked_at = time.monotonic()
+        if of is self._steps[-1] and self._waiting_since is not None:
+            self._publish(of)
         if self._tracks.get_subscription_count():
             self._tracks.publish(encode_image(sight.drawn([picture]), OPTICAL_FRAME, stamp_ns))
-        if held:
-            self._publish(self._steps[-1])
 
     @property
     def _age(self) -> float:
