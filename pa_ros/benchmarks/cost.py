@@ -93,7 +93,7 @@ def _trunk(network: NetworkConfig, z: Sizes, detectors: int) -> Cost:
     """From the observation to h: first layers, pairs, weighted sums, second layers."""
     b, n, k, h = z.transitions, z.objects, z.programs, network.hidden
     a, pairs = network.attention, z.transitions * z.objects**2
-    first = 2 * b * _first_columns(network, detectors) * _scene(network, n)
+    first = 2 * b * _first_layers(network, n, detectors)
     sums = 2 * b * k * h * (n + n * n) + 2 * pairs * a  # Σ p f, Σ p α r and w·tanh
     second = 2 * b * k * 2 * h * h
     return Cost(
@@ -108,7 +108,7 @@ def _trunk_backward(network: NetworkConfig, z: Sizes, detectors: int) -> Cost:
     """From ∂/∂h to the parameters' gradients; inputs need no gradients."""
     b, n, k, h = z.transitions, z.objects, z.programs, network.hidden
     pairs = b * n * n
-    first = 2 * b * _first_columns(network, detectors) * _scene(network, n)
+    first = 2 * b * _first_layers(network, n, detectors)
     second = 2 * 2 * b * k * 2 * h * h
     messages = pairs * h * (4 * k + 5)  # both factors of each product; 1 − t², two sums
     local = b * n * h * (4 * k + 3)
@@ -121,9 +121,12 @@ def _scene(network: NetworkConfig, objects: int) -> int:
     return objects * network.world.object_features + network.world.arm_features
 
 
-def _first_columns(network: NetworkConfig, detectors: int) -> int:
-    """Outputs of all first layers: f, r of receiver and sender, query, context, detectors."""
-    return 3 * network.hidden + 2 * network.attention + detectors
+def _first_layers(network: NetworkConfig, objects: int, detectors: int) -> int:
+    """Weights times inputs of all first layers: f, r of receiver and sender, query, context, Φ."""
+    schema, arm = network.world.schema, network.world.arm_features
+    columns = 3 * network.hidden + 2 * network.attention
+    seen = schema.width if network.relations_see_properties else schema.properties.start
+    return columns * (objects * seen + arm) + detectors * (objects * schema.width + arm)
 
 
 def _adam(network: NetworkConfig) -> Cost:

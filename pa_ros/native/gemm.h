@@ -18,7 +18,9 @@ struct FromZero {
 struct FromRows {  // row m starts from row m / share of another matrix
     const float* rows;
     int64_t stride, share;
-    vf operator()(int64_t m, int64_t n) const { return load(rows + m / share * stride + n); }
+    vf operator()(int64_t m, int64_t n) const {
+        return load(rows + (uint32_t)m / (uint32_t)share * stride + n);  // 32 bits divide sooner
+    }
 };
 
 struct Matrix {  // element (m, k) is at m·rs + k·cs

@@ -99,40 +99,67 @@ inline void weigh(Work& w, int64_t s, int64_t sk) {
     }
 }
 
-// Σ p_i tanh(f0_i) and Σ p_i α_ij tanh(r0_ij) of all K programs of a sample. KT: K, or 0 for any.
-template <int KT>
-void pool(const Net& net, Work& w, int64_t s) {
+// Σ p_i tanh(f0_i) and Σ p_i α_ij tanh(r0_ij) of all K programs of a sample, of V vectors of units from
+// unit c on. KT: K, or 0 for any.
+template <int KT, int V>
+inline void pool_units(const Net& net, Work& w, const Pairs& pairs, int64_t s, int64_t c) {
     const Layout& l = net.l;
     const int n = w.objects, programs = KT ? KT : w.programs;
     const int64_t per_program = (int64_t)n * w.lanes, sk = s * programs;
-    const float *first = w.first_of(s, l.columns), *receiver = first + l.receiver;
-    const float *p = w.relevant + sk * w.lanes, *weight = w.weight + sk * per_program;
-    float* out = w.pooled + sk * l.parts * l.hidden;
-    for (int64_t c = 0; c < l.hidden; c += W, first += W, receiver += W, out += W) {
-        const float* sender = receiver + (l.sender - l.receiver);
-        vf local[KT ? KT : kMaxPrograms], message[KT ? KT : kMaxPrograms];
-        for (int k = 0; k < programs; k++) local[k] = message[k] = vf{};
-        for (int j = 0; j < n; j++) {
-            const vf f = load(first + j * l.columns), from = load(sender + j * l.columns);
-            for (int k = 0; k < programs; k++) local[k] += p[k * w.lanes + j] * f;
-            for (int i = 0; i < n; i++) {
-                const vf t = tanh_of_sum(load(receiver + i * l.columns), from);
+    const float *first = w.first_of(s, l.columns) + c, *receiver = first + l.receiver;
+    const float *sender = first + l.sender, *p = w.relevant + sk * w.lanes;
+    const float* weight = w.weight + sk * per_program;
+    float* out = w.pooled + sk * l.parts * l.hidden + c;
+    vf local[KT ? KT : kMaxPrograms][V], message[KT ? KT : kMaxPrograms][V];
+    for (int k = 0; k < programs; k++)
+        for (int v = 0; v < V; v++) local[k][v] = message[k][v] = vf{};
+    for (int j = 0; j < n; j++)
+        for (int v = 0; v < V; v++) {
+            const vf f = load(first + j * l.columns + v * W);
+            for (int k = 0; k < programs; k++) local[k][v] += p[k * w.lanes + j] * f;
+        }
+    for (int b = 0; b < pairs.senders; b++) {
+        const int j = pairs.sender[b];
+        vf from[V];
+        for (int v = 0; v < V; v++) from[v] = load(sender + j * l.columns + v * W);
+        for (int a = 0; a < pairs.receivers; a++) {
+            const int i = pairs.receiver[a];
+            for (int v = 0; v < V; v++) {
+                const vf t = tanh_of_sum(load(receiver + i * l.columns + v * W), from[v]);
                 for (int k = 0; k < programs; k++)
-                    message[k] += weight[k * per_program + j * w.lanes + i] * t;
+                    message[k][v] += weight[k * per_program + j * w.lanes + i] * t;
             }
         }
-        for (int k = 0; k < programs; k++) {
-            store(out + k * l.parts * l.hidden, local[k]);
-            store(out + k * l.parts * l.hidden + l.hidden, message[k]);
-        }
     }
+    for (int k = 0; k < programs; k++)
+        for (int v = 0; v < V; v++) {
+            store(out + k * l.parts * l.hidden + v * W, local[k][v]);
+            store(out + (k * l.parts + 1) * l.hidden + v * W, message[k][v]);
+        }
 }
 
-using Pool = void (*)(const Net&, Work&, int64_t);
+// Vectors of units that go through the pairs together: independent sums hide each other's latency, as far
+// as registers hold those of all programs.
+constexpr int units_together(int programs) { return programs == 1 || programs == 2 ? 2 : 1; }
+
+template <int KT>
+void pool(const Net& net, Work& w, const Pairs& pairs, int64_t s) {
+    constexpr int V = units_together(KT);
+    int64_t c = 0;
+    for (; c + V * W <= net.l.hidden; c += V * W) pool_units<KT, V>(net, w, pairs, s, c);
+    for (; c < net.l.hidden; c += W) pool_units<KT, 1>(net, w, pairs, s, c);
+}
+
+using Pool = void (*)(const Net&, Work&, const Pairs&, int64_t);
 inline Pool pool_for(int programs) {
     static const Pool fixed[] = {pool<0>, pool<1>, pool<2>, pool<3>, pool<4>,
                                  pool<5>, pool<6>, pool<7>, pool<8>};
     return programs <= 8 ? fixed[programs] : fixed[0];
+}
+
+// How many of the first columns have zero weights for the properties.
+inline int64_t blind_columns(const Net& net) {
+    return net.shape->hide_properties ? net.l.detectors : 0;
 }
 
 // Everything up to the sums of samples [from, from + count), whose `first` stays in cache.
@@ -146,8 +173,11 @@ inline void forward_block(const Net& net, Work& w, const int32_t* programs, int6
     multiply(count, c, arms, {w.arm + from * arms, arms, 1}, weight + features * c, c, arm, c,
              FromZero{});
     for (int s = 0; s < count; s++) balance_arm(l, arm + s * c);
-    multiply(rows, c, features, {w.x + from * w.objects * features, features, 1}, weight, c, first, c,
-             FromRows{arm, c, w.objects});
+    const float* x = w.x + from * w.objects * features;
+    const int64_t blind = blind_columns(net);
+    multiply(rows, blind, kPose, {x, features, 1}, weight, c, first, c, FromRows{arm, c, w.objects});
+    multiply(rows, c - blind, features, {x, features, 1}, weight + blind, c, first + blind, c,
+             FromRows{arm + blind, c, w.objects});
     vf largest = load(w.largest);
     for (int64_t r = 0; r < rows; r++) largest = activate(l, first + r * c, largest);
     store(w.largest, largest);
@@ -155,18 +185,19 @@ inline void forward_block(const Net& net, Work& w, const int32_t* programs, int6
     const Pool pool_sample = pool_for(w.programs);
     for (int64_t s = from; s < from + count; s++) {
         attend(net, w, s);
+        const Pairs pairs = pairs_of(net, w, programs + s * w.programs);
         for (int64_t sk = s * w.programs; sk < (s + 1) * w.programs; sk++) {
             run_program(net, w, s, sk, programs[sk]);
             if (net.shape->roles) {
                 assign_roles(net, w, s, sk, programs[sk]);
-                weigh_pairs(w, s, sk);
+                weigh_pairs(w, pairs, s, sk);
             } else {
                 weigh(w, s, sk);
             }
             if (net.shape->avoids) assign_avoided(net, w, s, sk, programs[sk]);
         }
         if (net.shape->relations) pool_relations(net, w, programs, s);
-        else pool_sample(net, w, s);
+        else pool_sample(net, w, pairs, s);
         if (net.shape->avoids) pool_avoided(net, w, s);
     }
 }

@@ -5,54 +5,74 @@
 
 namespace pa::PA_LEVEL {
 
-// Gradients of local.0 and message.0 before tanh, in place of their activations; dots with what
-// p and α multiplied: per program N² messages, N locals, one for the biases.
-template <int KT>
-void pool_backward(const Net& net, Work& w, int64_t s) {
+// Gradients of local.0 and message.0 before tanh, in place of their activations, of V vectors of units
+// from unit c on; adds to dots with what p and α multiplied: per program N² messages, N locals, one for
+// the biases.
+template <int KT, int V>
+inline void pool_units_backward(const Net& net, Work& w, const Pairs& pairs, int64_t s, int64_t c) {
     const Layout& l = net.l;
     const int n = w.objects, programs = KT ? KT : w.programs;
     const int64_t per_program = (int64_t)n * w.lanes, sk = s * programs, dots = w.dots_per_program();
-    float *first = w.first_of(s, l.columns), *receiver = first + l.receiver;
+    float *first = w.first_of(s, l.columns) + c, *receiver = first + l.receiver;
+    float* sender = first + l.sender;
     const float *p = w.relevant + sk * w.lanes, *weight = w.weight + sk * per_program;
-    const float *dpooled = w.dpooled + sk * l.parts * l.hidden, *dh = w.dh + sk * l.hidden;
-    const float* bias = net.p + l.second_bias;
-    vf dreceiver[kMaxObjects], dlocal[KT ? KT : kMaxPrograms], dmessage[KT ? KT : kMaxPrograms];
-    for (int64_t d = 0; d < programs * dots; d++) w.dots[d] = vf{};
-    for (int64_t c = 0; c < l.hidden; c += W, first += W, receiver += W) {
-        float* sender = receiver + (l.sender - l.receiver);
-        const vf biases = load(bias + c) + load(bias + l.hidden + c);
-        for (int k = 0; k < programs; k++) {
-            dlocal[k] = load(dpooled + k * l.parts * l.hidden + c);
-            dmessage[k] = load(dpooled + (k * l.parts + 1) * l.hidden + c);
-            w.dots[k * dots + n * n + n] += load(dh + k * l.hidden + c) * biases;
+    const float *dpooled = w.dpooled + sk * l.parts * l.hidden + c, *dh = w.dh + sk * l.hidden + c;
+    const float* bias = net.p + l.second_bias + c;
+    vf dreceiver[kMaxObjects][V], dlocal[KT ? KT : kMaxPrograms][V], dmessage[KT ? KT : kMaxPrograms][V];
+    for (int k = 0; k < programs; k++)
+        for (int v = 0; v < V; v++) {
+            const int64_t at = v * W;
+            dlocal[k][v] = load(dpooled + k * l.parts * l.hidden + at);
+            dmessage[k][v] = load(dpooled + (k * l.parts + 1) * l.hidden + at);
+            w.dots[k * dots + n * n + n] +=
+                load(dh + k * l.hidden + at) * (load(bias + at) + load(bias + l.hidden + at));
         }
-        for (int i = 0; i < n; i++) dreceiver[i] = vf{};
-        for (int j = 0; j < n; j++) {
-            const vf from = load(sender + j * l.columns);
-            vf dsender{};
-            for (int i = 0; i < n; i++) {
-                const vf t = tanh_of_sum(load(receiver + i * l.columns), from);
+    for (int i = 0; i < n; i++)
+        for (int v = 0; v < V; v++) dreceiver[i][v] = vf{};
+    for (int j = 0, b = 0; j < n; j++) {
+        const bool sends = b < pairs.senders && pairs.sender[b] == j;
+        b += sends;
+        vf from[V], dsender[V];
+        for (int v = 0; v < V; v++) from[v] = load(sender + j * l.columns + v * W), dsender[v] = vf{};
+        for (int a = 0; sends && a < pairs.receivers; a++) {
+            const int i = pairs.receiver[a];
+            for (int v = 0; v < V; v++) {
+                const vf t = tanh_of_sum(load(receiver + i * l.columns + v * W), from[v]);
                 vf g{};
                 for (int k = 0; k < programs; k++) {
-                    g += weight[k * per_program + j * w.lanes + i] * dmessage[k];
-                    w.dots[k * dots + j * n + i] += dmessage[k] * t;
+                    g += weight[k * per_program + j * w.lanes + i] * dmessage[k][v];
+                    w.dots[k * dots + j * n + i] += dmessage[k][v] * t;
                 }
                 g *= 1.0f - t * t;
-                dsender += g;
-                dreceiver[i] += g;
+                dsender[v] += g;
+                dreceiver[i][v] += g;
             }
-            store(sender + j * l.columns, dsender);
-            const vf f = load(first + j * l.columns);
+        }
+        for (int v = 0; v < V; v++) {
+            store(sender + j * l.columns + v * W, dsender[v]);
+            float* at = first + j * l.columns + v * W;
+            const vf f = load(at);
             vf g{};
             for (int k = 0; k < programs; k++) {
-                g += p[k * w.lanes + j] * dlocal[k];
-                w.dots[k * dots + n * n + j] += dlocal[k] * f;
+                g += p[k * w.lanes + j] * dlocal[k][v];
+                w.dots[k * dots + n * n + j] += dlocal[k][v] * f;
             }
-            store(first + j * l.columns, g * (1.0f - f * f));
+            store(at, g * (1.0f - f * f));
         }
-        for (int i = 0; i < n; i++) store(receiver + i * l.columns, dreceiver[i]);
     }
-    sum_lanes(w.dots, programs * dots, w.sums);
+    for (int i = 0; i < n; i++)
+        for (int v = 0; v < V; v++) store(receiver + i * l.columns + v * W, dreceiver[i][v]);
+}
+
+template <int KT>
+void pool_backward(const Net& net, Work& w, const Pairs& pairs, int64_t s) {
+    constexpr int V = units_together(KT);
+    const int64_t dots = (KT ? KT : w.programs) * w.dots_per_program();
+    for (int64_t d = 0; d < dots; d++) w.dots[d] = vf{};
+    int64_t c = 0;
+    for (; c + V * W <= net.l.hidden; c += V * W) pool_units_backward<KT, V>(net, w, pairs, s, c);
+    for (; c < net.l.hidden; c += W) pool_units_backward<KT, 1>(net, w, pairs, s, c);
+    sum_lanes(w.dots, dots, w.sums);
 }
 
 // Of one program: adds ∂/∂α̃ to w.dscore and leaves ∂/∂p in the last register's gradient.
@@ -82,7 +102,8 @@ inline void weigh_backward(const Net& net, Work& w, int64_t k, int64_t sk) {
 }
 
 // Gradients of query and context before tanh, in place of their activations; adds attention's.
-inline void attend_backward(const Net& net, Work& w, int64_t s, float* gradient) {
+inline void attend_backward(const Net& net, Work& w, const Pairs& pairs, int64_t s,
+                            float* gradient) {
     const Layout& l = net.l;
     const int n = w.objects;
     float *query = w.first_of(s, l.columns) + l.query, *context = query + l.context - l.query;
@@ -91,10 +112,13 @@ inline void attend_backward(const Net& net, Work& w, int64_t s, float* gradient)
         const vf weight = load(net.p + l.attention_weight + u);
         vf dweight{};
         for (int i = 0; i < n; i++) dquery[i] = vf{};
-        for (int j = 0; j < n; j++) {
+        for (int j = 0, b = 0; j < n; j++) {
             const vf from = load(context + j * l.columns + u);
+            const bool sends = b < pairs.senders && pairs.sender[b] == j;
+            b += sends;
             vf dcontext{};
-            for (int i = 0; i < n; i++) {
+            for (int a = 0; sends && a < pairs.receivers; a++) {
+                const int i = pairs.receiver[a];
                 const vf t = tanh_of_sum(load(query + i * l.columns + u), from);
                 const float d = w.dscore[j * w.lanes + i];
                 dweight += d * t;
@@ -110,7 +134,7 @@ inline void attend_backward(const Net& net, Work& w, int64_t s, float* gradient)
     }
 }
 
-using PoolBackward = void (*)(const Net&, Work&, int64_t);
+using PoolBackward = void (*)(const Net&, Work&, const Pairs&, int64_t);
 inline PoolBackward pool_backward_for(int programs) {
     static const PoolBackward fixed[] = {
         pool_backward<0>, pool_backward<1>, pool_backward<2>, pool_backward<3>, pool_backward<4>,
@@ -122,19 +146,20 @@ inline void sample_backward(const Net& net, Work& w, const int32_t* programs, in
                             float* gradient) {
     const Layout& l = net.l;
     const int words = net.shape->words, n = w.objects;
+    const Pairs pairs = pairs_of(net, w, programs + s * w.programs);
     if (net.shape->avoids) pool_avoided_backward(net, w, s);
     if (net.shape->relations) pool_relations_backward(net, w, programs, s, gradient);
-    else pool_backward_for(w.programs)(net, w, s);
+    else pool_backward_for(w.programs)(net, w, pairs, s);
     for (int i = 0; i < n * w.lanes; i++) w.dscore[i] = 0.0f;
     for (int64_t i = 0; i < (words + 1 + w.length) * w.lanes; i++) w.dregister[i] = 0.0f;
     for (int64_t k = 0; k < w.programs; k++) {
         const int64_t sk = s * w.programs + k;
-        if (net.shape->roles) pairs_backward(net, w, k, sk, programs[sk]);
+        if (net.shape->roles) pairs_backward(net, w, pairs, k, sk, programs[sk]);
         else weigh_backward(net, w, k, sk);
         if (net.shape->avoids) avoided_backward(net, w, k, programs[sk]);
         run_program_backward(net, w, s, sk, programs[sk]);
     }
-    attend_backward(net, w, s, gradient);
+    attend_backward(net, w, pairs, s, gradient);
     if (net.shape->detectors) detectors_backward(net, w, s);
     const float* first = w.first_of(s, l.columns);
     float* sum = w.first_arm + s * l.columns;
@@ -157,21 +182,21 @@ inline void trunk_backward(const Net& net, Work& w, const int32_t* programs, int
     for (int64_t part = 0; part < l.parts; part++)
         multiply_add(size, h, pairs, {w.pooled + part * h, 1, each}, w.dh, h, second + part * h * h, h);
     multiply_add(1, h, pairs, {w.mass, 0, 1}, w.dh, h, gradient + l.second_bias, h);
+    const int64_t blind = blind_columns(net);
     float* first = gradient + l.first;
     for (int64_t from = 0; from < count; from += w.block) {
         const int64_t end = from + w.block < count ? from + w.block : count;
         for (int64_t s = from; s < end; s++) sample_backward(net, w, programs, s, gradient);
-        multiply_add(features, c, (end - from) * w.objects,
-                     {w.x + from * w.objects * features, 1, features}, w.first_of(from, c), c,
-                     first, c);
+        const float *x = w.x + from * w.objects * features, *d = w.first_of(from, c);
+        const int64_t rows = (end - from) * w.objects;
+        multiply_add(kPose, blind, rows, {x, 1, features}, d, c, first, c);
+        multiply_add(features, c - blind, rows, {x, 1, features}, d + blind, c, first + blind, c);
     }
     multiply_add(arms, c, count, {w.arm, 1, arms}, w.first_arm, c, first + features * c, c);
     for (int64_t i = 0; i < h; i++) {  // both biases see Σp ∂/∂h; the sender has none
         gradient[l.second_bias + h + i] = gradient[l.second_bias + i];
         first[(l.rows - 1) * c + l.sender + i] = 0.0f;
     }
-    for (int row = kPose; net.shape->hide_properties && row < features; row++)
-        __builtin_memset(first + row * c, 0, l.detectors * sizeof(float));
 }
 
 }  // namespace pa::PA_LEVEL

@@ -32,8 +32,11 @@ class Products(TorchDispatchMode):
 @pytest.mark.parametrize("kind", ["programmable", "distilled-critic"])
 @pytest.mark.parametrize("sizes", [Sizes(), Sizes(64, 5, 4)])
 def test_counts_are_at_most_what_torch_counts(kind, sizes) -> None:
-    """Torch's products repeat the arm's share, and compute parts of ∂Q/∂a that nobody needs."""
-    network = NETWORK.changed(family=kind)
+    """Torch's products repeat the arm's share, and compute parts of ∂Q/∂a that nobody needs.
+
+    They also multiply weights that stay zero, so here all weights count.
+    """
+    network = NETWORK.changed(family=kind, relations_see_properties=True)
     config = CONFIG.changed(
         **{
             "replay.batch_size": sizes.transitions,
@@ -49,6 +52,16 @@ def test_counts_are_at_most_what_torch_counts(kind, sizes) -> None:
     cost = update_cost(network, sizes)
     elsewhere = 12 * parameters + 12 * cost.pair_tanhs * (1 + sizes.programs) + 20 * cost.tanhs
     assert 0.6 * products.flops < cost.flops < products.flops + elsewhere
+
+
+def test_weights_that_stay_zero_are_not_counted() -> None:
+    """Forward four times, backward twice; each multiplication has an addition."""
+    b, n, hidden, attention = 64, 5, NETWORK.hidden, NETWORK.attention
+    properties = NETWORK.world.schema.width - 7
+    seeing = update_cost(NETWORK.changed(relations_see_properties=True), Sizes(b, n))
+    blind = update_cost(NETWORK.changed(relations_see_properties=False), Sizes(b, n))
+    weights = (3 * hidden + 2 * attention) * properties
+    assert seeing.flops - blind.flops == 6 * 2 * b * n * weights
 
 
 def test_the_lower_bound_adds_arithmetic_and_overlaps_memory() -> None:
