@@ -18,12 +18,12 @@ from pathlib import Path
 
 import pytest
 
-from helpers.documents import COMMANDS, NODES, ROOT, Command, is_run
+from helpers.documents import ALL_NODES, COMMANDS, NODES, ROOT, Command, is_run
 from helpers.waiting import DEADLINE_S
 
 LIMIT_S = 20.0
 RECORDING_S = 45.0  # what is recorded is looked at: an episode or two, on a busy machine, too
-SERVING = re.compile(rf"pa_ros (launch|console|record)\b|python docs/|({'|'.join(NODES)})\b")
+SERVING = re.compile(rf"pa_ros (launch|console|record)\b|python docs/|({'|'.join(ALL_NODES)})\b")
 WITH_GRAPH = re.compile(r"pa_ros (send|play)\b")  # commands that need what serves
 ENDED = (0, 130, -signal.SIGINT)  # done, or interrupted
 # What a reader brings along: a file or run of his own, or a graph that runs already.
@@ -31,6 +31,7 @@ BROUGHT = {
     "README.md": "printf 'sim_node: {ros__parameters: {design: 2-L}}\n"
     "agent_node: {ros__parameters: {}}\n' > my.yaml",
     "docs/console.md": "pa_ros train --frames 500 --out runs/mine --record runs/my-bag",
+    "docs/robot.md": "cp docs/examples/robot.yaml .",
     "docs/evaluation.md": "pa_ros train --design 3-D --frames 500 --out runs/X",
 }
 GRAPH_RUNS = {("docs/starting.md", 1): "pa_ros launch"}  # by block
