@@ -107,7 +107,7 @@ def train(
 
     chosen = ArenaChoice(design=design, arm=arm, preset=preset)
     blocks = chosen.design_of()
-    protocol = {"protocol": usual_protocol(blocks.vocabulary.moves_objects)}
+    protocol = {"protocol": usual_protocol(blocks.vocabulary)}
     learning = LearningSettings(**(protocol | settings))
     config = TrainConfig(
         out=Path(out), seed=seed, frames=frames, evaluate_every_frames=evaluate_every

@@ -5,7 +5,13 @@ from math import hypot
 
 import pytest
 
-from pa_ros.arena import ReachTask, conditions_for, design_named, preset_named
+from pa_ros.arena import (
+    ReachTask,
+    conditions_for,
+    design_named,
+    preset_named,
+    scripted_action,
+)
 from pa_ros.arena.episodes import AVOID_WITHIN_M, Block
 from pa_ros.language import And, Not, Or, Program, satisfying
 
@@ -50,3 +56,13 @@ def test_half_of_the_training_episodes_avoid() -> None:
 
 def test_only_designs_that_avoid_have_these_conditions() -> None:
     assert not [c for c in conditions_for(design_named("3-D")) if c.startswith("avoid")]
+
+
+@pytest.mark.parametrize("condition", ["avoid", "avoid-train", "avoid-or", "avoid-not"])
+def test_the_script_reaches_the_target_and_avoids_the_set(condition: str) -> None:
+    task = ReachTask(preset_named("fast"), DESIGN, seed=2)
+    for index in range(5):
+        _, verdict = task.reset(index, condition)
+        while not verdict.truncated:
+            _, verdict = task.step(scripted_action(task))
+        assert verdict.satisfied and not verdict.violated

@@ -9,6 +9,8 @@ from helpers.worlds import NEAR_M, PROGRAMS, SCORING, WORLD, dpg, random_traject
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import Program, ProgramError, satisfying
 from pa_ros.learning.learner import Learner
+from pa_ros.learning.relabeling.all_goals import AVOIDING as AVOIDING_SHARE
+from pa_ros.learning.relabeling.all_goals import KEPT
 from pa_ros.networks.config import NetworkConfig
 
 AVOIDING = replace(WORLD, vocabulary=WORLD.vocabulary.avoiding())
@@ -29,7 +31,7 @@ def learner(**fields: object) -> Learner:
     return Learner(network, dpg(SETTINGS, **fields), PROGRAMS, 0, SCORING)
 
 
-def test_a_violation_ends_the_program_with_the_value_of_never_being_rewarded() -> None:
+def test_a_violation_ends_the_program_with_half_the_value_of_never_being_rewarded() -> None:
     one, rng = learner(), np.random.default_rng(0)
     seen: set[tuple[bool, bool, bool]] = set()
     for sequence in range(20):
@@ -43,7 +45,7 @@ def test_a_violation_ends_the_program_with_the_value_of_never_being_rewarded() -
             lost = False
             if program.avoided is not None:
                 lost = bool((near & satisfying(Program(program.avoided), BLOCKS, 0)).any())
-            expected = (-10.0, 0.0) if lost else (1.0 if holds else -1.0, 0.9)
+            expected = (-5.0, 0.0) if lost else (1.0 if holds else -1.0, 0.9)
             assert (batch.reward[b, 0], batch.discount[b]) == pytest.approx(expected)
             seen.add((program.avoided is not None, lost, holds))
     assert seen == {(False, False, False), (False, False, True), (True, False, False),
@@ -58,6 +60,15 @@ def test_no_program_avoids_its_own_target() -> None:
         *PROGRAMS,
         *(replace(p, avoided=q.target) for p in PROGRAMS for q in PROGRAMS if p != q),
     }
+
+
+def test_avoiding_programs_that_acted_are_drawn_more_often_than_others() -> None:
+    one, rng = learner(), np.random.default_rng(0)
+    acted = replace(PROGRAMS[0], avoided=PROGRAMS[1].target)
+    one.consume(random_trajectory(rng, world_digest=AVOIDING.digest, program=acted))
+    drawn = [one.table.programs[row] for batch in one.batches(20) for row in batch.program[:, 0]]
+    others = (1 - KEPT) * AVOIDING_SHARE / len(PROGRAMS)  # each is present, and avoids the other
+    assert drawn.count(acted) / len(drawn) == pytest.approx(KEPT + others, abs=0.04)
 
 
 def test_what_cannot_be_learned_is_refused() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from itertools import chain
 from typing import TYPE_CHECKING
@@ -14,7 +15,7 @@ from pa_ros.acting.errors import ActingError
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation, PolicySnapshot
-from pa_ros.language import MIN_MAX, Logic, Program
+from pa_ros.language import MIN_MAX, Expression, Logic, Program
 from pa_ros.language.evaluate import relevance, role_relevance
 from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig, actor_config
@@ -31,6 +32,10 @@ if TYPE_CHECKING:  # it loads torch, which the fused code does not need
 
 MEANT = 0.5  # an object is meant if its degree is this part of the greatest one, at least
 SURELY = 0.75  # the same where an agent goes for one: words that are undecided have half a degree
+AVOIDED_WITHIN_M = 0.50  # of the hand: what is farther away need not be avoided yet
+NEARNESS_M = (
+    0.10  # of objects to be avoided, one so much nearer than another counts e times as much
+)
 
 log = logging.getLogger(__name__)
 
@@ -132,8 +137,10 @@ class Actor:
         agent that `commits`, did not choose."""
         if self._inference is None:
             raise ActingError("policy: expected weights before acting, got none")
+        if commits and program.avoided is not None:
+            return self._avoid(observation, program, program.avoided)
         arm, objects, hand = self._arm(observation), observation.objects, observation.hand_index
-        if program.compares or (commits and program.avoided is None):
+        if program.compares or commits:
             least = MEANT if program.compares else SURELY
             meant = self._meant(observation, least)(program)
             chosen = _compared(observation, program, meant, self._world.schema)
@@ -143,6 +150,19 @@ class Actor:
             shown = [i for i in range(len(objects)) if i not in hidden]
             objects, hand = objects[shown], shown.index(hand)
         return self._inference.act(objects, arm, program.sets_alone, hand)
+
+    def _avoid(self, observation: Observation, program: Program, avoided: Expression) -> Float32:
+        """The action of an agent that commits. Networks learn to avoid one object, and keep farther
+        away than they must: so each that is near has an action of its own, others have none."""
+        meant = self._meant(observation)
+        to_avoid = {*meant(Program(avoided))[1]} - {*chain(*meant(program))}
+        distance = {i: float(np.linalg.norm(observation.objects[i, :3])) for i in sorted(to_avoid)}
+        near = [i for i, metres in distance.items() if metres < AVOIDED_WITHIN_M]
+        if not near:
+            return self.infer(_without(observation, to_avoid), program.relation_alone, commits=True)
+        actions = [self.infer(_without(observation, to_avoid - {i}), program) for i in near]
+        weight = np.exp([-distance[i] / NEARNESS_M for i in near])
+        return np.asarray(weight / weight.sum() @ np.stack(actions), np.float32)
 
     def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
         """p, [N]: the degree to which the program means each object.
@@ -216,6 +236,13 @@ class Actor:
                 )
             )
         return arm
+
+
+def _without(observation: Observation, hidden: set[int]) -> Observation:
+    """An observation of a scene without some of its objects."""
+    shown = [i for i in range(len(observation.objects)) if i not in hidden]
+    hand = shown.index(observation.hand_index)
+    return replace(observation, objects=observation.objects[shown], hand_index=hand)
 
 
 def _compared(

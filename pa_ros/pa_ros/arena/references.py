@@ -23,6 +23,8 @@ SLACK_RAD = 0.02  # a joint this close to its limit is not moved further
 def scripted_action(task: ReachTask) -> Float64:
     """Joint velocities (rad/s, [J]) toward a place where the program is satisfied. Privileged."""
     if task.program.moves_hand:
+        if task.program.avoided is not None and task.program.relation == NEAR:
+            return from_above(task, nearest_target(task))
         return pursue(task, nearest_target(task))
     return push(task, *nearest_pair(task))
 
@@ -97,6 +99,21 @@ def _hand_velocity(task: ReachTask, velocity: Float64) -> Float64:
     controller, joints = hand_controller(task.config), task.simulation.joint_position
     found = controller.solve(velocity, controller.hand(joints), joints)
     return found / max(1.0, float(np.max(np.abs(found) / controller.speed_limits)))
+
+
+# How the script comes near a block but not near others, which are at least
+# `ArenaConfig.block_separation_m` from it: high over them, and no lower than it must. Lengths in m.
+CLEAR_HEIGHT, OVER_TARGET, HIGH_ENOUGH, OVER_IT = 0.30, 0.14, 0.24, 0.06
+
+
+def from_above(task: ReachTask, target: Float64) -> Float64:
+    """Joint velocities (rad/s, [J]) that bring the hand over `target` ([3] m in the table's frame),
+    at a height at which it is near no other block."""
+    hand = task.simulation.positions[0]
+    if np.hypot(*(target - hand)[:2]) < OVER_IT:
+        return toward(task, target + np.array([0.0, 0.0, OVER_TARGET]))
+    place = target if hand[2] > HIGH_ENOUGH else hand
+    return toward(task, np.array([*place[:2], CLEAR_HEIGHT]))
 
 
 def pursue(task: ReachTask, target: Float64) -> Float64:

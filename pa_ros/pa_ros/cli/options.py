@@ -12,6 +12,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import Leaf, Settings
 
 if TYPE_CHECKING:
+    from pa_ros.language import Vocabulary
     from pa_ros.learning.protocols import LearningSettings
 
 Kind = TypeVar("Kind", bound=Settings)
@@ -34,7 +35,8 @@ def add_learning(parser: argparse.ArgumentParser, *, with_network: bool = True) 
     from pa_ros.learning.algorithms import ALGORITHMS
     from pa_ros.learning.protocols import LearningSettings
 
-    add_setting(parser, LearningSettings, "protocol", otherwise="ours; push for designs that push")
+    otherwise = "ours; push or avoid for designs that do"
+    add_setting(parser, LearningSettings, "protocol", otherwise=otherwise)
     add_settings(parser, LearningSettings, "algorithm")
     if with_network:
         leaf = LearningSettings.leaf("network.family")
@@ -70,15 +72,15 @@ def learning_given(options: argparse.Namespace, learning: LearningSettings) -> d
 
 
 def learning_from(
-    options: argparse.Namespace, moves_objects: bool, **values: Any
+    options: argparse.Namespace, vocabulary: Vocabulary, **values: Any
 ) -> LearningSettings:
     """How to learn, by the options of `add_learning`; `values` are others by dotted name.
 
-    `moves_objects` says whether programs do: then the usual protocol is another.
+    The usual protocol depends on what programs of the vocabulary do.
     """
     from pa_ros.learning.protocols import LearningSettings, usual_protocol
 
-    protocol = options.protocol or usual_protocol(moves_objects)
+    protocol = options.protocol or usual_protocol(vocabulary)
     names = {"protocol": protocol, "algorithm": options.algorithm}
     given = learning_given(options, LearningSettings(**names))
     return LearningSettings(**names, **values, **given)

@@ -70,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError("--namespace: expected --from-bag with it")
     chosen = settings_from(options, ArenaChoice)
     design, arena = chosen.design_of(), chosen.arena_config()
-    learning = learning_from(options, design.vocabulary.moves_objects)
+    learning = learning_from(options, design.vocabulary)
     config = settings_from(options, TrainConfig)
     perception = camera_of(
         config.out if options.resume else None, arena, design, options.perception

@@ -77,7 +77,7 @@ class Experiment:
         parts, design = [self.name], self.task
         if self.algorithm != DPG:
             parts.append(self.algorithm)
-        if self.protocol != usual_protocol(design.vocabulary.moves_objects):
+        if self.protocol != usual_protocol(design.vocabulary):
             parts.append(f"{self.protocol}-protocol")
         if self.preset != design.preset:
             parts.append(f"{self.preset}-arm")

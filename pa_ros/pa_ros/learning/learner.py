@@ -33,6 +33,9 @@ LEARNER_STREAM = 2  # of default_rng([seed, stream])
 # Before so many updates or more, the state is saved to go back to if they diverge, and all of it is
 # checked afterwards. That costs about as much as one update.
 SAVED_BEFORE = 80
+# Value of a violated program, as a share of that of never being rewarded. At 1 agents keep so far
+# away from what they avoid that they don't reach targets beside it.
+VIOLATED = 0.5
 
 
 @dataclass
@@ -218,13 +221,12 @@ class Learner:
         terminal = self.replay.arrays["terminal"][index]
         discount = np.where(terminal, 0.0, self.config.updates.discount).astype(np.float32)
         if self.network.vocabulary.avoids and self._relabeler is not None:
-            # A violated program cannot hold any more: what follows is worth as much as never being
-            # rewarded, whatever happens.
+            # A violated program cannot hold any more, so nothing is bootstrapped.
             masks = self._masks(index, following)
             lost = self._relabeler.violated(program, masks)[:, 0]
             discount[lost] = 0.0
             never = self._relabeler.worst / (1.0 - self.config.updates.discount)
-            reward = np.where(lost[:, None], np.float32(never), reward)
+            reward = np.where(lost[:, None], np.float32(VIOLATED * never), reward)
         # These numbers decide which properties of which block are hidden, [rows, 2].
         hidden = None if self._dropout is None else self.rng.random((len(index), 2), np.float32)
         for first in range(0, updates * size, size):

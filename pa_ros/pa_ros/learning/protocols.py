@@ -8,12 +8,14 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from pa_ros.core.settings import OneOf, Settings, nested
+from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkSettings
 
 OURS, DPG = "ours", "dpg"  # the defaults
 PUSH = "push"  # the default where programs move objects
+AVOID = "avoid"  # the default where networks learn to avoid
 Values = Mapping[str, Any]  # by dotted path, "learner.PART.NAME" or "network.NAME"
 
 # As in the appendix. Of what it leaves open, the initial weights matter most: a critic that starts
@@ -64,12 +66,27 @@ _PUSH: Values = {
     "network.attention": 32,
 }
 
-PROTOCOLS: Mapping[str, Values] = {"paper": _PAPER, OURS: _OURS, PUSH: _PUSH}
+# For programs that avoid a set: a layer more, so that what pulls and what repels meet before the
+# output, and larger steps of larger batches that become smaller.
+_AVOID: Values = {
+    **_OURS,
+    "learner.replay.batch_size": 128,
+    "learner.optimizer.actor_rate": 2e-4,
+    "learner.optimizer.critic_rate": 6e-4,
+    "learner.optimizer.half_life": 20_000,
+    "network.upper_layers": 1,
+    "network.hidden": 128,
+    "network.attention": 32,
+}
+
+PROTOCOLS: Mapping[str, Values] = {"paper": _PAPER, OURS: _OURS, PUSH: _PUSH, AVOID: _AVOID}
 
 
-def usual_protocol(moves_objects: bool) -> str:
-    """The default of a world, by whether its programs move objects."""
-    return PUSH if moves_objects else OURS
+def usual_protocol(vocabulary: Vocabulary) -> str:
+    """The default of a world, by what its programs do."""
+    if vocabulary.moves_objects:
+        return PUSH
+    return AVOID if vocabulary.avoids else OURS
 
 
 def _defaults(protocol: str, algorithm: str) -> dict[str, Settings]:
@@ -94,7 +111,7 @@ class LearningSettings(Settings):
     protocol: Annotated[str, OneOf(lambda: PROTOCOLS)] = Field(
         OURS,
         description="named set of defaults for `learner` and `network`: the paper's, ours, or ours "
-        "for programs that move objects",
+        "for programs that move objects or avoid some",
     )
     algorithm: Annotated[str, OneOf(lambda: ALGORITHMS)] = Field(
         DPG, description="learning algorithm"

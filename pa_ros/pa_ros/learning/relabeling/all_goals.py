@@ -26,6 +26,9 @@ from pa_ros.world.world import World
 
 MAX_PROGRAMS = 64  # bits of a mask
 AVOIDING = 0.5  # share of drawn programs that avoid a set, where networks learn to
+# Share of transitions under the avoiding program that acted: its set is close to its target, which
+# is seldom true of drawn ones, and hard.
+KEPT = 0.3
 
 Int32 = NDArray[np.int32]
 UInt64 = NDArray[np.uint64]
@@ -164,9 +167,12 @@ class Relabeler:
         # Fewer than K are repeated in turn. Without any, the column is replaced below.
         column = np.arange(k) % np.maximum(count, 1)  # [B, K]
         other = np.take_along_axis(order, column, 1).astype(np.int32)
-        rewards = self.rewards(other, masks)
         if self._avoiding:
             other = self._avoid(rng, other, present)
+            acted = (original >= self._avoiding) & (original < len(self.programs))
+            kept = acted & (rng.random(len(original)) < KEPT)
+            other = np.where(kept[:, None], original[:, None], other)
+        rewards = self.rewards(other, masks)
         program = np.where(count > 0, other, original[:, None])
         rewards = np.where(count > 0, rewards, reward[:, None])
         return program, rewards
