@@ -315,10 +315,11 @@ def _places(
     config: ArenaConfig,
     count: int,
     rng: np.random.Generator,
-    apart_m: float = ArenaConfig.block_separation_m,
+    apart_m: float = 0.0,
 ) -> list[Spot]:
-    """Draw places uniformly from a sector of a ring around the base, with the least separation."""
-    arm = ARMS[config.arm]
+    """Draw places uniformly from a sector of a ring around the base, with the least separation: the
+    arena's, or `apart_m` if that is more."""
+    arm, apart_m = ARMS[config.arm], max(apart_m, config.block_separation_m)
     (low, high), (first, last) = arm.block_radii_m, arm.block_angles
     for _ in range(PLACEMENT_TRIES):
         places: list[Spot] = []
