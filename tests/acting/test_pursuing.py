@@ -50,6 +50,18 @@ def test_a_trained_agent_executes_a_chain(task: ReachTask, agent: Agent, heard: 
     assert verdict.satisfied
 
 
+def test_the_shipped_agent_goes_around_what_it_is_to_avoid() -> None:
+    task = ReachTask(FAST, design_named("3-D-avoid"), seed=1)
+    actor = Actor.of(load_policy(Path("shipped:avoid")))
+    for episode in range(5):
+        observation, verdict = task.reset(episode, "avoid-or")
+        while not (verdict.satisfied or verdict.truncated):
+            action = actor.act(observation, task.program)
+            observation, verdict = task.step(action * np.array(FAST.joint_speed_limits))
+            assert not verdict.violated
+        assert verdict.satisfied
+
+
 def test_own_judgement_begins_again_with_another_episode(task: ReachTask, agent: Agent) -> None:
     start, verdict = task.reset(0, "chain-2")
     goal, near = task.goal, start
