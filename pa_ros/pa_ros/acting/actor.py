@@ -133,8 +133,8 @@ class Actor:
         return self._noise.explore(action, observation.episode)
 
     def infer(self, observation: Observation, program: Program, commits: bool = False) -> Float32:
-        """The networks' action. They are not shown what the program means but comparisons, or an
-        agent that `commits`, did not choose."""
+        """The networks' action. Where the program means several objects, comparisons choose among
+        them, and an agent that `commits` takes the nearest; networks are not shown the rest."""
         if self._inference is None:
             raise ActingError("policy: expected weights before acting, got none")
         if commits and program.avoided is not None:
@@ -153,7 +153,8 @@ class Actor:
 
     def _avoid(self, observation: Observation, program: Program, avoided: Expression) -> Float32:
         """The action of an agent that commits. Networks learn to avoid one object, and keep farther
-        away than they must: so each that is near has an action of its own, others have none."""
+        away than they must. So they are shown one near object at a time, and the actions are
+        averaged; objects far from the hand are not shown."""
         meant = self._meant(observation)
         to_avoid = {*meant(Program(avoided))[1]} - {*chain(*meant(program))}
         distance = {i: float(np.linalg.norm(observation.objects[i, :3])) for i in sorted(to_avoid)}
@@ -169,7 +170,7 @@ class Actor:
 
         Empty before there are weights, or for networks without degrees. Raises what `act` raises.
         """
-        if self._inference is None or not family_of(self.network).evaluates_programs:
+        if self._inference is None or not self._evaluates_programs:
             return ()
         arm = self._arm(observation)
         phi = degrees(self.network, self._tensors, observation.objects, arm, self.logic)
@@ -204,7 +205,7 @@ class Actor:
         self, observation: Observation, least: float = MEANT
     ) -> Callable[[Program], list[list[int]]]:
         """The objects of a program's two sets, before any comparison."""
-        if not family_of(self.network).evaluates_programs:
+        if not self._evaluates_programs:
             raise NetworkError(
                 f"{self.network.family} networks: expected a verifier and no comparison, since "
                 "they don't say which objects a program means",
