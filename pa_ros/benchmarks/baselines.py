@@ -44,9 +44,7 @@ from pa_ros.networks.errors import NetworkError
 FAMILIES = {"ours": "programmable", "true-properties": "true-properties", "canonical": "canonical"}
 OTHERS = ("film-transformer", "deep-sets", "sac")
 METHODS = (*FAMILIES, *OTHERS)
-STATES_CONJUNCTIONS = ("canonical", "deep-sets", "sac")  # alone: no ORs are relabeled
 WARMUP_FRAMES = 5_000  # before the first update, as in `ours`
-TARGETS = 3  # ORs of up to so many training targets are relabeled
 WORDS = {f"word-{count}": f"several-{count}" for count in (1, 2, 3)}
 """Conditions of programs that are one word and name so many blocks: drawn from these."""
 CONDITIONS = ("train", "eval", *WORDS, "ignore-new", "reach-new-both", "depth-6")
@@ -122,11 +120,7 @@ def report(scores: Sequence[BaselineScore]) -> Report:
 def settings_of(method: str, rates: float) -> LearningSettings:
     """`ours`, with a method's networks or algorithm."""
     baseline_networks.register()
-    targets = 1 if method in STATES_CONJUNCTIONS else TARGETS
-    given: dict[str, Any] = {
-        "learner.relabeling.targets": targets,
-        "learner.replay.warmup_frames": WARMUP_FRAMES,
-    }
+    given: dict[str, Any] = {"learner.replay.warmup_frames": WARMUP_FRAMES}
     if method in FAMILIES:
         given["network.family"] = FAMILIES[method]
     settings = LearningSettings(algorithm=method if method in OTHERS else "dpg", **given)
@@ -211,7 +205,7 @@ def trained(method: str, options: argparse.Namespace, seed: int) -> tuple[Learne
         if method == "sac":
             action: Float32 = engine.sampled(seen, program)
             return action
-        greedy = engine.greedy if actor is None else actor.act
+        greedy = engine.greedy if actor is None else actor.infer
         return noise.explore(greedy(seen, program), seen.episode)
 
     for episode in range(options.frames // arena.episode_steps):

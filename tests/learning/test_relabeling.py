@@ -1,7 +1,7 @@
 """Relabeling against the verifier's own definition, one transition and one program at a time."""
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,6 @@ from pa_ros.learning.errors import LearningError
 from pa_ros.learning.relabeling.all_goals import MAX_PROGRAMS, GoalMasks, Relabeler
 from pa_ros.world import Reward, Scoring
 from pa_ros.world.measures import ProgramMeasures
-from pa_ros.world.reward import Sparse
 from pa_ros.world.schema import COLORS, PAPER, SHAPES, ObjectSchema, PropertyGroup, Seen
 from pa_ros.world.world import World
 
@@ -140,40 +139,6 @@ class Closeness(Reward):
 
     def __call__(self, satisfied: Any, measure: Any) -> Any:
         return 2.0 - measure
-
-
-@pytest.mark.parametrize("reward", [Sparse(), Closeness()])
-def test_ors_of_several_targets_are_rewarded_as_the_verifier_does(reward: Reward) -> None:
-    rng, scoring = np.random.default_rng(3), Scoring({"NEAR": NEAR_M}, reward)
-    several = Relabeler(PROGRAMS[:4], WORLD, scoring, targets=3)
-    assert len(set(several.programs)) == 4 + 6 + 4 and several.programs[:4] == PROGRAMS[:4]
-    assert str(several.programs[4]) == "NEAR(HAND, OR(AND(RED, CUBE), AND(RED, SPHERE)))"
-    seen = set()
-    for _ in range(60):
-        objects, words = episode(rng, 1, 4, 0)
-        satisfied, present, rewards, _ = several.masks(objects, 0)
-        masks = GoalMasks(satisfied[1:], np.array([present], np.uint64), rewards)
-        if rewards is not None:
-            masks = masks._replace(rewards=rewards[1:])
-        nobody = np.full(1, -1, np.int32), np.zeros(1, np.float32)
-        (rows,), (found,) = several.draw(rng, *nobody, masks, 14)
-        for row, value in zip(rows, found, strict=True):
-            if present:  # else no training target is in the scene
-                named = satisfying(several.programs[row], words, 0)
-                verdict = scoring.of_targets(np.flatnonzero(named).tolist(), objects[1])
-                assert any(named) and value == np.float32(verdict.reward)
-                seen.add((row, bool(verdict.satisfied)))
-    assert len(seen) == 2 * 14
-
-
-def test_only_targets_of_the_same_relation_are_joined() -> None:
-    words = replace(WORDS, relations=("NEAR", "ABOVE"))
-    programs = [parse(f"{r}(HAND, {w})", words) for r in words.relations for w in ("RED", "BLUE")]
-    several = Relabeler(programs, replace(WORLD, vocabulary=words), Scoring.of(words.relations),
-                        targets=4)  # fmt: skip
-    assert [str(p) for p in several.programs[4:]] == [
-        f"{r}(HAND, OR(RED, BLUE))" for r in words.relations
-    ]
 
 
 @pytest.mark.parametrize("count", [0, MAX_PROGRAMS + 1])

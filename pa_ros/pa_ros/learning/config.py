@@ -98,13 +98,6 @@ class RelabelingConfig(Settings):
         le=64,
         description="K programs for each sampled transition; 1 where programs move objects",
     )
-    targets: int = Field(
-        1,
-        ge=1,
-        le=4,
-        description="all-goals also draws ORs of up to so many training targets, where programs "
-        "move the hand",
-    )
     property_dropout: float = Field(
         0.0, ge=0, le=1, description="share of transitions where a block's properties are hidden"
     )

@@ -104,9 +104,7 @@ class Learner:
                 for program in self._hindsight.programs:
                     self._row(program)
             else:
-                evaluated = family_of(network).evaluates_programs  # others take a single target
-                several = config.relabeling.targets if evaluated else 1
-                self._relabeler = Relabeler(*asked, several)
+                self._relabeler = Relabeler(*asked)
                 for program in self._relabeler.programs:
                     self._row(program)
         self._dropout = None

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import combinations
 from math import inf
 from typing import Any, NamedTuple
 
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64
-from pa_ros.language import Or, Program
+from pa_ros.language import Program
 from pa_ros.learning.errors import LearningError
 from pa_ros.world import Scoring
 from pa_ros.world.measures import ProgramMeasures
@@ -46,12 +45,10 @@ class GoalMasks(NamedTuple):
 
 class Relabeler:
     """The P programs that are drawn, in order: program j is row j of a batch. The training programs
-    come first, bit j of every mask, then ORs of up to `targets` of their targets. Where networks
-    learn to avoid, each of these follows once more for each training target, which it avoids."""
+    come first, bit j of every mask. Where networks learn to avoid, each of them follows once more
+    for each training target, which it avoids."""
 
-    def __init__(
-        self, programs: Sequence[Program], world: World, scoring: Scoring, targets: int = 1
-    ) -> None:
+    def __init__(self, programs: Sequence[Program], world: World, scoring: Scoring) -> None:
         if not 1 <= len(programs) <= MAX_PROGRAMS:
             raise ConfigError(
                 f"relabeling: expected 1 to {MAX_PROGRAMS} programs, got {len(programs)}"
@@ -63,22 +60,13 @@ class Relabeler:
             )
         self._measures, self._world = ProgramMeasures(programs, world, scoring), world
         self._scoring = scoring
-        self._parts = [
-            list(chosen)
-            for count in range(1, targets + 1)
-            for chosen in combinations(range(len(programs)), count)
-            if len({programs[j].relation for j in chosen}) == 1
-        ]
-        joined = self._parts[len(programs) :]
-        every = *programs, *(_either([programs[j] for j in part]) for part in joined)
-        self._avoiding = len(every) if world.vocabulary.avoids else 0
+        self.programs = (*programs,)
+        self._avoiding = len(programs) if world.vocabulary.avoids else 0
         if self._avoiding:
-            every += tuple(
-                replace(one, avoided=other.target) for one in every for other in programs
+            self.programs += tuple(
+                replace(one, avoided=other.target) for one in programs for other in programs
             )
-        self.programs = every
-        # An OR names something, and is satisfied, where that is true of one of its parts.
-        self._bits = np.array([sum(1 << j for j in part) for part in self._parts], np.uint64)
+        self._bits = np.uint64(1) << np.arange(len(programs), dtype=np.uint64)
         self._values: Float64 | None = None  # of a program not satisfied, and of one that is
         if not scoring.reward.uses_measure:
             self._values = scoring.reward(np.array([False, True]), np.array([inf, 0.0]))
@@ -118,16 +106,13 @@ class Relabeler:
             measures = self._published(measures, len(objects))
             present = np.asarray(np.isfinite(measures[0]))
             may = self._measures.may_be_named(measures, objects, hand_pose)
-            other = ~self._bits[: len(self._measures)].sum()  # programs of which nothing is known
+            other = ~self._bits.sum()  # programs of which nothing is known
             may_name = self._bits_of(may.T) | other  # [N]
         satisfied: NDArray[np.bool_] = np.asarray(measures <= self._measures.thresholds)
         rewards = None
         if self._values is None:
-            least = np.stack([measures[:, part].min(1) for part in self._parts], 1)
-            holds = np.stack([satisfied[:, part].any(1) for part in self._parts], 1)
-            named_one = [present[part].any() for part in self._parts]
-            earned = self._scoring.reward(holds, least)
-            rewards = np.where(named_one, earned, 0.0).astype(np.float32)
+            earned = self._scoring.reward(satisfied, measures)
+            rewards = np.where(present, earned, 0.0).astype(np.float32)
         return GoalMasks(self._bits_of(satisfied), int(self._bits_of(present)), rewards, may_name)
 
     def _published(self, measures: Float64 | None, rows: int) -> Float64:
@@ -144,7 +129,7 @@ class Relabeler:
 
     def _bits_of(self, flags: NDArray[np.bool_]) -> UInt64:
         """[..., training programs] as bits, [...]."""
-        bits: UInt64 = flags @ self._bits[: len(self._measures)]
+        bits: UInt64 = flags @ self._bits
         return bits
 
     def draw(
@@ -180,8 +165,7 @@ class Relabeler:
     def _avoid(self, rng: np.random.Generator, program: Int32, present: NDArray[np.bool_]) -> Int32:
         """Half of the programs [B, K], each with another target that is present, to be avoided."""
         count = len(self._measures)
-        own = self._bits[program][..., None] >> np.arange(count, dtype=np.uint64) & np.uint64(1)
-        may = present[:, None, :count] & (own == 0)  # [B, K, training programs]
+        may = present[:, None] & (program[..., None] != np.arange(count))  # [B, K, P]
         keys = np.where(may, rng.random(may.shape), 0.0)
         chosen = (rng.random(program.shape) < AVOIDING) & may.any(-1)
         pair = self._avoiding + program * count + keys.argmax(-1)
@@ -211,8 +195,3 @@ class Relabeler:
 
     def _unpack(self, bits: UInt64) -> NDArray[np.bool_]:
         return np.asarray(bits[:, None] & self._bits != 0)
-
-
-def _either(programs: Sequence[Program]) -> Program:
-    """A program that is satisfied where one of these, of one relation, is."""
-    return Program(Or(tuple(one.target for one in programs)), programs[0].relation)
