@@ -6,13 +6,16 @@ A table lies between `<!-- results: NAME -->` and `<!-- end -->`; NAME is one of
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from statistics import fmean, median
+from typing import Any
 
 import numpy as np
 
@@ -71,6 +74,24 @@ VARIANTS = {  # tag of the tables: what is undone
     "no-dropout": "hidden properties",
     "warmup-1000": "late first update",
     "no-dropout.warmup-1000": "hidden properties and late first update",
+}
+METHODS = {  # methods of the benchmark `baselines`
+    "ours": "ours",
+    "true-properties": "true properties in place of detectors (upper bound)",
+    "film-transformer": "Transformer, the program by FiLM",
+    "deep-sets": "DeepSets, one-hot goal",
+    "canonical": "canonical (paper)",
+    "sac": "SAC, one-hot goal",
+}
+FACED = {  # conditions of the benchmark `baselines`
+    "train": "trained",
+    "eval": "held out",
+    "word-1": "one word, one block",
+    "word-2": "two blocks",
+    "word-3": "three",
+    "ignore-new": "new kinds beside it",
+    "reach-new-both": "new kind",
+    "depth-6": "6 deep",
 }
 PUSHING = {  # tables of seeds in which blocks are moved
     "push-2": "push-2",
@@ -329,6 +350,24 @@ def peers() -> str:
     return table(head, rows)
 
 
+def baselines() -> str:
+    """Shares of episodes that end satisfied: mean over seeds with its interval."""
+    path, rows = RESULTS / "baselines.csv", []
+    found = list(csv.DictReader(path.open())) if path.exists() else []
+    conditions = [name for name in FACED if any(row["condition"] == name for row in found)]
+    for method, words in METHODS.items():
+        own = [row for row in found if row["method"] == method]
+        cells = [
+            mean_of([float(row["success"]) for row in own if row["condition"] == name])
+            for name in conditions
+        ]
+        if own:
+            rows.append((words, f"{len({row['seed'] for row in own})}", *cells))
+    measured = {row["method"] for row in found}
+    missing = [words for method, words in METHODS.items() if method not in measured]
+    return table(("", "Seeds", *(FACED[name] for name in conditions)), rows, missing)
+
+
 def ends_of(label: str) -> list[EndsRow]:
     """How episodes ended by seed and condition; empty: not measured."""
     path = RESULTS / f"{label}-conditions.csv"
@@ -347,13 +386,16 @@ def by_seed(rows: Iterable[EndsRow], measure: str) -> list[float]:
     ]
 
 
-def median_of(values: Sequence[float]) -> str:
-    """The median over seeds with its 95 % bootstrap interval."""
+def with_interval(middle: Callable[..., Any], values: Sequence[float]) -> str:
+    """The mean or median over seeds with its 95 % bootstrap interval."""
     if not values:
         return NOTHING
     draws = np.random.default_rng(0).choice(values, (2000, len(values)))
-    low, high = np.percentile(np.median(draws, axis=1), [2.5, 97.5])
-    return f"{median(values):.2f} [{low:.2f}, {high:.2f}]"
+    low, high = np.percentile(middle(draws, axis=1), [2.5, 97.5])
+    return f"{middle(values):.2f} [{low:.2f}, {high:.2f}]"
+
+
+mean_of, median_of = partial(with_interval, np.mean), partial(with_interval, np.median)
 
 
 def claims() -> str:
@@ -438,8 +480,9 @@ def pushing_variants() -> str:
 TABLES: dict[str, Callable[[], str]] = {
     "headline": headline, "seeds": seeds, "conditions": conditions, "logic": logic,
     "detectors": detectors, "equalities": equalities, "forgetting": forgetting,
-    "variants": variants, "peers": peers, "claims": claims, "pushing_seeds": pushing_seeds,
-    "pushing_conditions": pushing_conditions, "pushing_variants": pushing_variants,
+    "variants": variants, "peers": peers, "baselines": baselines, "claims": claims,
+    "pushing_seeds": pushing_seeds, "pushing_conditions": pushing_conditions,
+    "pushing_variants": pushing_variants,
 }  # fmt: skip
 
 

@@ -105,7 +105,7 @@ def test_every_baseline_learns_from_relabeled_batches_and_is_scored(
     monkeypatch.setattr(baselines, "WARMUP_FRAMES", 150)
     options = argparse.Namespace(
         design="2-L", preset="fast", seeds=1, first_seed=3, frames=200, episodes=1, rates=2.0,
-        methods=[method], runs=tmp_path,
+        methods=[method], runs=tmp_path, table=tmp_path / "table.csv",
     )  # fmt: skip
     found = baselines.run(options)
     stated = {name.split(".")[-2] for name in found if name.endswith("success")}
@@ -115,4 +115,5 @@ def test_every_baseline_learns_from_relabeled_batches_and_is_scored(
     can |= dict.fromkeys(("deep-sets", "sac"), conjunctions | words)
     assert stated == can.get(method, conjunctions | words | {"depth-6"})
     assert found[f"baselines.2-L.{method}.200.2.train.seeds"] == 1
+    assert len(read_rows(tmp_path / "table.csv", baselines.BaselineScore)) == len(stated)
     assert baselines.run(options) == found  # not trained again

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from pa_ros.evaluation.experiments import Experiment, SeedSummary
 
 PUBLISHED = Path("docs/results")
-STUDIES = ("generalization", "detectors", "equalities")  # of the trained seeds of STUDIED
+STUDIES = ("generalization", "detectors", "equalities")  # of trained seeds
 TABLES = ("variants", "algorithms")  # read tables that experiments wrote
-STUDIED = "programmable-3D"
+STUDIED = "programmable-3D"  # unless another is named
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,6 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     names = (*EXPERIMENTS, *STUDIES, *TABLES)
     parser.add_argument("name", choices=names, metavar="NAME", help=", ".join(names))
+    parser.add_argument(
+        "--of", choices=EXPERIMENTS, default=STUDIED, metavar="NAME",
+        help="the experiment whose trained seeds are studied (%(default)s)",
+    )  # fmt: skip
     add_settings(parser, SeedsConfig, "seeds", "first_seed", "jobs")
     add_setting(parser, TrainConfig, "frames", otherwise="the experiment's")
     add_settings(parser, ArenaChoice, "arm", "preset")
@@ -219,25 +223,26 @@ def _compare(results: Path) -> int:
 
 
 def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
-    """Evaluate the trained seeds of STUDIED."""
+    """Evaluate trained seeds."""
     from pa_ros.evaluation import results
     from pa_ros.evaluation.agents import load_agent
     from pa_ros.evaluation.cluster import Cluster, score_on
     from pa_ros.evaluation.seeds import folder_of
     from pa_ros.learning.folder import holds_checkpoint
 
-    experiment, logic = _experiment(options, STUDIED), logic_named(options.logic)
+    experiment, logic = _experiment(options, options.of), logic_named(options.logic)
     folder, scores = options.runs / experiment.label, options.runs / "scores"
     runs = {seed: folder_of(folder, seed) for seed in seeds}
     if untrained := [seed for seed, run in runs.items() if not holds_checkpoint(run)]:
         raise ConfigError(
             f"{options.name}: expected trained agents in {folder}, found none of seeds "
-            f"{untrained}: first run `pa_ros experiment {STUDIED}` with the same options"
+            f"{untrained}: first run `pa_ros experiment {options.of}` with the same options"
         )
     _check_runs(experiment, runs, ended=True)
     agents = {seed: load_agent(run, logic=logic) for seed, run in runs.items()}
     # Tables of agents that execute by another logic than the default have its name.
-    suffix = experiment.label.removeprefix(STUDIED) + ("" if logic == MIN_MAX else f".{logic.name}")
+    suffix = f".{experiment.label}".replace(f".{STUDIED}", "")
+    suffix += "" if logic == MIN_MAX else f".{logic.name}"
     if options.name == "detectors":
         results.detectors(agents, options.results, suffix=suffix)
     elif options.name == "equalities":
