@@ -28,6 +28,7 @@ BENCHMARKS = {
     "peers": "agents of other libraries on the same task",
     "rehearsal": "how often programs are executed in the arena and on a robot of robot_node",
     "roles": "updates where programs move objects, beside updates without roles",
+    "sharpness": "how sharply detectors should speak where agents execute",
     "train": "updates per second while learning, as a share of updates alone",
 }
 

@@ -66,6 +66,7 @@ def test_a_misspelled_command_is_told_its_name(capsys):
         (["train", "--design", "3D", "--out", "unused"], "got 3D; did you mean '3-D'?"),
         (["eval", "--condition", "evl", "--policy", "random"], "got 'evl'; did you mean 'eval'?"),
         (["experiment", "generalization"], "first run `pa_ros experiment programmable-3D`"),
+        (["experiment", "detectors", "--of", "sizes"], "first run `pa_ros experiment sizes`"),
         (
             ["experiment", "programmable-2L", "--logic", "product"],
             "--logic: expected a study (generalization, detectors, equalities)",

@@ -27,8 +27,7 @@ def test_a_shipped_policy_executes_held_out_programs(name, tmp_path):
     if agent.perception:
         pytest.importorskip("cv2", reason="no OpenCV: install programmable-agents[camera]")
         opengl()
-    faced = agent.design, agent.arena, 10
-    scorer = Scorer(Benchmark(*faced, perception=agent.perception), tmp_path)
+    scorer = Scorer(Benchmark(agent.design, agent.arena, 10), tmp_path)
     own, random = scorer.agent(agent, "eval"), scorer.reference("random", "eval")
     assert sum(score.success for score in own) >= 8 > 2 >= sum(score.success for score in random)
 

@@ -187,7 +187,6 @@ def _all_conditions(agent: TrainedAgent, options: argparse.Namespace) -> int:
             episodes=options.episodes,
             seed=options.seed,
             layouts=options.layouts,
-            perception=agent.perception,
         )
         scorer = Scorer(benchmark, Path(cache))
         for condition in conditions_of(agent.design):

@@ -74,8 +74,11 @@ class TrainedAgent:
 
     @property
     def key(self) -> str:
-        """Identifies all that the actions follow from: weights and logic."""
-        return f"{self.digest}-{self.logic.name}-{self.logic.sharpness:g}"
+        """Identifies all that actions follow from: weights, logic, the camera's calibration."""
+        key = f"{self.digest}-{self.logic.name}-{self.logic.sharpness:g}"
+        if self.perception:
+            key += f"-{hashlib.sha256(self.perception.encode()).hexdigest()[:12]}"
+        return key
 
 
 def load_agent(

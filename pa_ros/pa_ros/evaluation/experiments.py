@@ -344,8 +344,7 @@ def final_scores(folder: Path, cache: Path, episodes: int = FINAL_EPISODES) -> t
     agent = load_agent(folder)
     pushes = agent.design.vocabulary.moves_objects
     agent = agent if pushes else replace(agent, logic=PRODUCT)
-    faced = agent.design, agent.arena, episodes
-    scorer = Scorer(Benchmark(*faced, perception=agent.perception), cache)
+    scorer = Scorer(Benchmark(agent.design, agent.arena, episodes), cache)
 
     def score(condition: str) -> float:
         own = scorer.agent(agent, condition)

@@ -34,7 +34,6 @@ class Benchmark:
     episodes: int = 100  # in each condition
     seed: int = EPISODES_SEED
     layouts: str = "shared"  # or "own": of each condition
-    perception: str = ""  # calibration of the agents' camera; empty: properties are told
 
     @property
     def digest(self) -> str:
@@ -74,7 +73,7 @@ class Scorer:
 
     def agent(self, agent: TrainedAgent, condition: str) -> list[EpisodeScore]:
         """Scores of a trained agent that acts greedily."""
-        task = self._task(condition, self.benchmark.perception)
+        task = self._task(condition, agent.perception)
 
         def policy() -> Callable[[Observation], Float64]:
             act = agent.policy
