@@ -89,6 +89,13 @@ def test_3d_relations_holds_out_each_relation_with_one_target() -> None:
     assert {"eval-combinations-behind", "eval-near", "several-2"} <= set(conditions_for(design))
 
 
+def test_3d_above_red_trains_above_with_red_blocks_alone() -> None:
+    design = design_named("3-D-above-red")
+    above = [p for p in training_programs(design) if p.relation == "ABOVE"]
+    assert [str(p.target) for p in above] == ["AND(RED, SPHERE)", "AND(RED, CYLINDER)"]
+    assert len(training_programs(design)) == 6 + 2
+
+
 @pytest.mark.parametrize("wrong", [("ABOVE", TWO_L.train[0]), ("NEAR", TWO_L.held_out[0])])
 def test_a_combination_must_be_one_of_the_design(wrong: tuple[str, Kind]) -> None:
     with pytest.raises(ConfigError, match="held_out_combinations"):

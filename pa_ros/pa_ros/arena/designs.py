@@ -218,6 +218,14 @@ register(
         name="3-D-relations",
         held_out_combinations=tuple(zip(RELATIONS, _OFF_DIAGONAL, strict=True)),
     ),
+    # ABOVE is only ever trained with red blocks.
+    replace(
+        _THREE_D.with_relations("NEAR", "ABOVE"),
+        name="3-D-above-red",
+        held_out_combinations=tuple(
+            ("ABOVE", kind) for kind in _OFF_DIAGONAL if "RED" not in kind.words
+        ),
+    ),
     Design(
         "sizes",
         _SIZES,
