@@ -30,7 +30,8 @@ from pa_ros.networks.parameters import Tensors
 from pa_ros.networks.properties import input_scales
 from pa_ros.world.programs import ProgramTable
 
-WIDTH, HEADS, LAYERS = 128, 4, 2
+WIDTH = 128  # of what networks make of a scene and a goal
+TOKEN_WIDTH, HEADS, LAYERS = 64, 4, 2  # of the Transformer, so that it has about 10⁵ weights, too
 TOKENS = 96  # of the longest program; those of depth 6 have fewer
 TAU = 0.005  # SAC's targets follow so fast (Haarnoja et al. 2018)
 
@@ -104,27 +105,30 @@ class FilmTransformer(nn.Module):
     def __init__(self, network: NetworkConfig) -> None:
         super().__init__()
         self.columns = Columns(network)
-        self.words = nn.Embedding(6 + len(network.vocabulary.words), WIDTH // 2, padding_idx=0)
-        self.reader = nn.GRU(WIDTH // 2, WIDTH, batch_first=True)
-        self.first = nn.Linear(network.world.columns, WIDTH)
+        self.words = nn.Embedding(6 + len(network.vocabulary.words), TOKEN_WIDTH, padding_idx=0)
+        self.reader = nn.GRU(TOKEN_WIDTH, TOKEN_WIDTH, batch_first=True)
+        self.first = nn.Linear(network.world.columns, TOKEN_WIDTH)
         self.layers = nn.ModuleList(
-            nn.TransformerEncoderLayer(WIDTH, HEADS, 2 * WIDTH, dropout=0.0, batch_first=True)
+            nn.TransformerEncoderLayer(
+                TOKEN_WIDTH, HEADS, 2 * TOKEN_WIDTH, dropout=0.0, batch_first=True
+            )
             for _ in range(LAYERS)
         )
-        self.film = nn.ModuleList(nn.Linear(WIDTH, 2 * WIDTH) for _ in range(LAYERS))
+        self.film = nn.ModuleList(nn.Linear(TOKEN_WIDTH, 2 * TOKEN_WIDTH) for _ in range(LAYERS))
+        self.last = nn.Linear(TOKEN_WIDTH, WIDTH)
 
     def forward(self, objects: Tensor, arm: Tensor, goal: Tensor) -> Tensor:
         """[B, K, WIDTH], for tokens [B, K, TOKENS]."""
         batch, programs = goal.shape[:2]
-        text = goal.flatten(0, 1)
+        text, of = torch.unique(goal.flatten(0, 1), dim=0, return_inverse=True)  # few differ
         length = (text > 0).sum(1)
-        read, _ = self.reader(self.words(text[:, : int(length.max())]))  # [B · K, T, WIDTH]
-        meaning = read[torch.arange(len(text)), length - 1]
+        read, _ = self.reader(self.words(text[:, : int(length.max())]))  # [programs, T, WIDTH]
+        meaning = read[torch.arange(len(text)), length - 1][of]
         x = self.first(self.columns(objects, arm)).repeat_interleave(programs, 0)
         for layer, film in zip(self.layers, self.film, strict=True):
             scale, shift = film(meaning)[:, None].chunk(2, -1)
             x = layer(x * (1.0 + scale) + shift)
-        h: Tensor = x[:, HAND_INDEX].unflatten(0, (batch, programs))
+        h: Tensor = self.last(x[:, HAND_INDEX]).unflatten(0, (batch, programs))
         return h
 
 

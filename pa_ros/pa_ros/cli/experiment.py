@@ -45,6 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--of", choices=EXPERIMENTS, default=STUDIED, metavar="NAME",
         help="the experiment whose trained seeds are studied (%(default)s)",
     )  # fmt: skip
+    parser.add_argument(
+        "--conditions", nargs="+", default=(), metavar="NAME",
+        help="of generalization (all of the design)",
+    )  # fmt: skip
     add_settings(parser, SeedsConfig, "seeds", "first_seed", "jobs")
     add_setting(parser, TrainConfig, "frames", otherwise="the experiment's")
     add_settings(parser, ArenaChoice, "arm", "preset")
@@ -251,7 +255,9 @@ def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
         if options.cluster is not None:  # the cluster computes the scores that are read below
             with Cluster(options.cluster, options.extension) as cluster:
                 score_on(cluster, runs, scores, logic=logic)
-        for row in results.generalization(agents, options.results, scores, suffix=suffix):
+        for row in results.generalization(
+            agents, options.results, scores, suffix=suffix, conditions=options.conditions
+        ):
             print(f"{row.condition:16s} {row.normalized:5.2f} [{row.low:5.2f}, {row.high:5.2f}]  "
                   f"best blind {row.blind_normalized:5.2f}")  # fmt: skip
     return 0
