@@ -31,7 +31,7 @@ DRAIN_S = 3.0  # how long closing may take to learn from the trajectories that w
 
 @dataclass(frozen=True)
 class Sinks:
-    """Where the results of a worker go; called on the worker's thread."""
+    """The receiver of a worker's results; called on the worker's thread."""
 
     publish: Callable[[PublishedPolicy], None]
     refuse: Callable[[str, PaError], None]

@@ -1,4 +1,4 @@
-"""From an observation and a program to an action, by the weights that a learner published."""
+"""The policy: an action from an observation and a program, by weights that a learner published."""
 
 from __future__ import annotations
 
@@ -252,7 +252,7 @@ def _compared(
     sets: Sequence[Sequence[int]],
     schema: ObjectSchema,
 ) -> list[tuple[int, ...]]:
-    """What a program's comparisons choose of its two sets."""
+    """The objects that a program's comparisons choose from its two sets."""
     return [
         choose(comparison, one, observation.objects, observation.hand_pose, schema)
         for comparison, one in zip(program.chosen, sets, strict=True)

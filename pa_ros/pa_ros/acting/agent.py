@@ -34,7 +34,7 @@ KEPT_POLICIES = 16  # of learners that may be followed later
 
 
 class ArenaFacts(NamedTuple):
-    """What an arena says of itself that its learner must agree with: fields of LearnerInfo."""
+    """Facts about an arena that its learner must agree with: fields of LearnerInfo."""
 
     world_digest: str
     control_period: float  # s
@@ -84,7 +84,7 @@ class Agent:
 
     @property
     def backend(self) -> str:
-        """What computes actions: "fused" or "torch"; empty before there are weights."""
+        """The code that computes actions, "fused" or "torch"; empty before weights arrive."""
         return self._actor.backend if self._actor is not None else ""
 
     # The learner and its weights

@@ -65,7 +65,7 @@ class Schedule(Settings):
 
 @dataclass(frozen=True)
 class ActingConfig:
-    """All that an agent needs of its learner's settings to act as it expects."""
+    """The learner's settings that an agent needs."""
 
     schedule: Schedule = Schedule()
     exploration: ExplorationConfig = ExplorationConfig()

@@ -37,7 +37,7 @@ class ExplorationNoise:
         self._held, self._left = self._x, 0  # a uniform action, and for how many steps it is held
 
     def explore(self, action: Float32, episode: int) -> Float32:
-        """What to do instead of an action at the episode's next control step, in [-1, 1]: [J]."""
+        """The action in place of the policy's at the next control step, in [-1, 1]: [J]."""
         noisy = action + self.sample(episode)
         if self._left == 0 and self._begins_to_hold:
             if self._rng.random() < self._begins_to_hold:

@@ -1,4 +1,4 @@
-"""What the networks make of a program at one moment: Φ, p, and the degrees of its parts."""
+"""An explanation of a program at one moment: Φ, p, and the degrees of its parts."""
 
 from __future__ import annotations
 

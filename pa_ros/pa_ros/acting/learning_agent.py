@@ -50,7 +50,7 @@ class LearningAgent(Agent):
         return self._window is not None and self._window.stalled
 
     def overdue(self, late: bool) -> list[Trajectory]:
-        """What to send again; call once per resend period. `late`: no command was sent for one."""
+        """Messages to send again; call once per resend period. `late`: no command was sent."""
         return [] if self._window is None else self._window.overdue(late and self.waiting)
 
     def follow(self, learner: LearnerInfo, arena: ArenaFacts) -> None:

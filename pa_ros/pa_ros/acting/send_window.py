@@ -97,7 +97,7 @@ class SendWindow:
         self._policies = later or [policy]
 
     def overdue(self, waited: bool) -> list[Trajectory]:
-        """What to send again; call once per resend period.
+        """Return messages to send again; call once per resend period.
 
         `waited`: the agent waited that long for weights, so perhaps nobody received what it sent.
         """

@@ -46,7 +46,7 @@ NEAR_STARTS = 0.5  # in training: then random actions push the block, and learni
 TRIES = 10_000  # draws of a longer program before it is given up
 
 Denotation = tuple[bool, ...]
-"""For each kind of a pool: does the expression describe it?"""
+"""Whether an expression describes each kind of a pool."""
 
 
 class Term(Enum):
@@ -142,7 +142,7 @@ def _asked(
 
 
 def _goals(design: Design) -> tuple[Kind, ...]:
-    """To what training programs move blocks."""
+    """The targets to which training programs move blocks."""
     return (*design.places, *(design.train if design.pairs else ()))
 
 

@@ -48,7 +48,7 @@ class Block:
 
     @property
     def look(self) -> Look:
-        """How it looks."""
+        """The look of this object."""
         return with_edge(look_of(self.kind), self.edge_m) if self.edge_m else look_of(self.kind)
 
     def features(self, schema: ObjectSchema) -> Float32:

@@ -51,7 +51,7 @@ class Row:
 
 @dataclass
 class RecordedEpisode:
-    """What was recorded of one episode."""
+    """The recording of one episode."""
 
     number: int
     evaluation: bool

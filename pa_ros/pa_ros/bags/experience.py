@@ -35,7 +35,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class RecordedWeights:
-    """What a bag says about one version of the weights."""
+    """One version of the weights, as recorded in a bag."""
 
     version: int
     checksum: str  # SHA-256 of the tensors' bytes
@@ -195,7 +195,7 @@ class Experience:
 
 @dataclass
 class OfflineResult:
-    """What became of the trajectories of some bags."""
+    """Counts of trajectories read from bags, by outcome."""
 
     accepted: int = 0
     missing: int = 0  # used by the recorded learner, but not in the bag

@@ -1,4 +1,4 @@
-"""What a bag says about itself: its topics, its files, metadata.yaml, and the writer's lock."""
+"""A bag's own description: its topics and files, metadata.yaml, and the writer's lock."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ Statistics = dict[str, dict[str, list[Any]]]
 
 @dataclass(frozen=True)
 class Written:
-    """What an export wrote."""
+    """The files and counts of an export."""
 
     episodes: int
     frames: int

@@ -94,7 +94,7 @@ class Bag:
 
     @property
     def duration_s(self) -> float:
-        """From the earliest message to the latest, s."""
+        """Seconds from the earliest message to the latest."""
         return max(0, int(self._reader.duration) - 1) / 1e9
 
     def qos(self, topic: str) -> list[Qos]:

@@ -41,7 +41,7 @@ KEPT = ".original"  # suffix of a file as it was before a repair
 
 @dataclass(frozen=True)
 class Repaired:
-    """What a repair found."""
+    """The findings of a repair."""
 
     messages: int
     files: int

@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
 
 @contextmanager
 def page_beside(node: Node, options: argparse.Namespace) -> Iterator[None]:
-    """With the option `console`, serve a page on a free port while the node is spun."""
+    """Serve a page on a free port while the node runs, if the option `console` is given."""
     if not options.console:
         yield
         return

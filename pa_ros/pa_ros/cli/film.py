@@ -12,7 +12,7 @@ from pa_ros.core.settings import Settings
 
 
 class FilmOptions(Settings):
-    """What a film shows, and how large."""
+    """Content and size of a film."""
 
     seed: int = Field(0, ge=0, description="of scenes")
     width: int = Field(640, ge=64, le=2000, description="px")

@@ -28,7 +28,7 @@ EXIT_NOT_SATISFIED, EXIT_REFUSED, EXIT_TIMED_OUT = 1, 2, 3
 
 
 class SendOptions(Settings):
-    """How to send."""
+    """Settings of sending."""
 
     timeout_s: float = Field(
         30.0, gt=0, description="seconds to wait for an arena, for answers, and for progress"

@@ -1,4 +1,4 @@
-"""What `pa_ros train` shows: a table of evaluations, and below it a line with the progress."""
+"""The display of `pa_ros train`: a table of evaluations, and a progress line below it."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class Entry:
 
     @property
     def outcome(self) -> str:
-        """What became of the program, in one line."""
+        """The program's outcome, in one line."""
         if self.rejected:
             return f"rejected: {self.rejected}"
         done = self.execution

@@ -1,4 +1,4 @@
-"""What every page shows: the scene and the panels, which take no input."""
+"""Parts of every page: the scene and the panels, which take no input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What passes between arena, actor and learner, whatever the transport."""
+"""Data that arena, actor and learner exchange, over any transport."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ NO_LAG = 2**32 - 1  # as policy_lag: agents act with the newest weights they hav
 
 @dataclass(frozen=True, slots=True)
 class LearnerInfo:
-    """What a learner requires of its agents, and all that they need to know of it."""
+    """A learner's requirements of its agents, and all that they need to know about it."""
 
     run_id: str  # kept when a run resumes
     learner_id: str  # new at every start

@@ -100,7 +100,7 @@ class Leaf:
 
     @property
     def expected(self) -> str:
-        """What a value must be, in words."""
+        """The accepted values, in words."""
         if self.choices:
             return f"{'some' if self.is_list else 'one'} of {list(self.choices)}"
         if self.is_list:

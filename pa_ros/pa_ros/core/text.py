@@ -30,7 +30,7 @@ def printable(text: str) -> str:
 
 
 def printable_lines(text: str) -> str:
-    """As `printable` for several lines, which stay lines; nothing is cut."""
+    """Make several lines printable, like `printable`; lines stay lines, and nothing is cut."""
     return "\n".join(map(_escaped, text.split("\n")))
 
 

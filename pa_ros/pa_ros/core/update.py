@@ -1,4 +1,4 @@
-"""What an engine is given for one update, and what it answers."""
+"""Input and output of an engine for one update."""
 
 from __future__ import annotations
 

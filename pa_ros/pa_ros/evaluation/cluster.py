@@ -212,7 +212,7 @@ def _check_answers(address: str) -> None:
 def train_seeds_on(
     cluster: Cluster, experiment: Experiment, seeds: Sequence[int], folder: Path
 ) -> None:
-    """As `seeds.train_seeds`, with each seed's parts on nodes of a cluster.
+    """Train seeds like `seeds.train_seeds`, with each seed's parts on nodes of a cluster.
 
     Checkpoints are stored in the seed's folder here, as if it had been trained here, so that
     training can continue on the cluster or without it.

@@ -132,7 +132,7 @@ def _finish(figure: Figure, axes: Axes, title: str, score: str = NORMALIZED) -> 
 
 
 def short(changed: str) -> str:
-    """What a variant changed, such as "discount=0.99" for "learner.updates.discount=0.99"."""
+    """A variant's changed setting, such as "discount=0.99" for "learner.updates.discount=0.99"."""
     return ", ".join(re.sub(r"^.*\.(?=\w+=)", "", part) for part in changed.split())
 
 

@@ -1,4 +1,4 @@
-"""What a program means: crisp truth over true properties, soft truth over a matrix Φ.
+"""The meaning of a program: crisp truth over true properties, soft truth over a matrix Φ.
 
 These are the readable definitions, one object at a time. Batches of different programs run in
 `pa_ros.world.programs`, which agrees with `relevance` to float precision.

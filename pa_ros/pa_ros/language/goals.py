@@ -137,7 +137,7 @@ Truth = Callable[[Program], bool]
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How far a goal has come, after the states so far. `after` gives that after another one."""
+    """The progress of a goal after the states so far; `after` returns it after one more."""
 
     goal: Goal
     holds: bool = False  # in the state received last

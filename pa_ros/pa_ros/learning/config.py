@@ -46,12 +46,12 @@ class OptimizerConfig(Settings):
     epsilon: ClassVar[float] = 1e-8  # added to the second moment's root
 
     def share(self, updates: int) -> float:
-        """What both rates are multiplied by after so many updates."""
+        """The factor of both learning rates after so many updates."""
         return float(0.5 ** (updates / self.half_life)) if self.half_life else 1.0
 
 
 class DetectorsConfig(Settings):
-    """What is particular about learning the detectors."""
+    """Settings of the detectors' learning."""
 
     gain: float = Field(1.0, gt=0, description="of both rates, for the detectors' weights")
     sparsity: float = Field(
@@ -111,7 +111,7 @@ class RelabelingConfig(Settings):
 
 
 class EngineConfig(Settings):
-    """What computes the updates, and where."""
+    """The engine of the updates, and its device."""
 
     name: Literal["auto", "fused", "torch"] = Field(
         "auto", description="auto is the fused CPU update where it applies, else torch"
@@ -139,7 +139,7 @@ class LearnerConfig(Settings):
 
     @property
     def acting(self) -> ActingConfig:
-        """What agents have to know."""
+        """The settings that agents need."""
         return ActingConfig(
             schedule=self.schedule,
             exploration=self.exploration,

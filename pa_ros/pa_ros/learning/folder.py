@@ -11,7 +11,7 @@ from pa_ros.learning.errors import CheckpointError
 
 
 def checkpoint_of(folder: Path) -> Path:
-    """Where a run keeps its checkpoints."""
+    """The folder of a run's checkpoints."""
     return folder / "checkpoint"
 
 

@@ -1,4 +1,4 @@
-"""What the training loop needs of others: an environment, and optionally who evaluates and watches.
+"""Interfaces of the training loop: an environment, and optionally an evaluator and a watcher.
 
 `pa_ros.arena.ReachTask` is an environment, `pa_ros.bags.run_log.RunLog` a log.
 """
@@ -19,7 +19,7 @@ Evaluate = Callable[[Actor], dict[str, float]]
 
 
 class Environment(Protocol):
-    """What the agent acts in."""
+    """The environment of an agent."""
 
     @property
     def program(self) -> Program:

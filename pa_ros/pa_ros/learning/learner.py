@@ -40,7 +40,7 @@ VIOLATED = 0.5
 
 @dataclass
 class Counters:
-    """What a learner has done so far; all of it is in its checkpoint."""
+    """A learner's counters; its checkpoint contains all of them."""
 
     version: int = 0  # trajectories accepted
     frames: int = 0  # transitions accepted
@@ -319,7 +319,7 @@ class Learner:
         return np.ascontiguousarray(program), np.ascontiguousarray(reward)
 
     def _masks(self, index: Int64, following: Int64) -> GoalMasks:
-        """What relabeling stored: a transition is rewarded for the state that it leads to."""
+        """The stored masks: a transition is rewarded for the state that it leads to."""
         arrays = self.replay.arrays
         rewards = arrays["goal_reward"][following] if "goal_reward" in arrays else None
         return GoalMasks(arrays["satisfied"][following], arrays["present"][index], rewards)

@@ -1,4 +1,4 @@
-"""What a run in one process leaves in its folder: a learning curve and checkpoints."""
+"""The files of a run in one process: a learning curve and checkpoints."""
 
 from __future__ import annotations
 

@@ -147,7 +147,7 @@ class FusedEngine:
         }
 
     def gradients(self) -> Tensors:
-        """Of the latest update, `actor.*` and `critic.*`: what Adam was given."""
+        """Gradients of the latest update as Adam received them: `actor.*` and `critic.*`."""
         return {
             f"{name}.{key}": value
             for name, trained in self._trained.items()

@@ -76,7 +76,7 @@ class FusedTrunk:
         return _codes(network, codes_of(program, network))
 
     def runner(self, actor: _fused.Actor) -> Callable[..., None]:
-        """What writes an action, given objects, arm, hand index, a program's codes and an array."""
+        """A function of objects, arm, hand index, program codes and the array for the action."""
         return actor.act_on_program
 
 
@@ -113,7 +113,7 @@ class Mlp:
         return (_words(one_hots),)
 
     def runner(self, actor: _fused.Actor) -> Callable[..., None]:
-        """What writes an action, given objects, arm, hand index, a program's codes and an array."""
+        """A function of objects, arm, hand index, program codes and the array for the action."""
         return actor.act_on_target
 
 

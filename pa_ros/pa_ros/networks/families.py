@@ -62,7 +62,7 @@ class Family(ABC):
 
     @abstractmethod
     def goals(self, network: NetworkConfig, *codes: Any) -> Any:
-        """What the modules take as programs, for `codes` gathered as tensors [B, K, …]."""
+        """Programs as the modules take them, from `codes` gathered as tensors [B, K, …]."""
 
     @abstractmethod
     def check(self, program: Program, vocabulary: Vocabulary) -> None:

@@ -27,7 +27,7 @@ LITTLE = 1e-6  # `programmable.LITTLE`, which needs torch
 
 
 def program_inputs(program: Program, network: NetworkConfig) -> dict[str, Any]:
-    """What a model takes for one program, as lists by name of the input, without the batch's axis.
+    """A model's inputs for one program: lists by input name, without the batch axis.
 
     Raises ProgramError for a word or relation that the network does not know.
     """
@@ -275,7 +275,7 @@ def _registers(g: _Graph, network: NetworkConfig, logits: str, batch: str, count
 
 
 def _sets(g: _Graph, network: NetworkConfig, registers: str) -> tuple[str, str]:
-    """What is moved and the target, where programs move objects: [B, N] each."""
+    """Degrees of the two sets of programs that move objects, moved and target: [B, N] each."""
     roles = g("Unsqueeze", "roles", [2])  # [B, 2, 1]
     count = g("Shape", registers, start=2, end=3)
     shape = g("Concat", g("Shape", registers, start=0, end=1), [2], count, axis=0)

@@ -43,14 +43,14 @@ class Programs:
         return relevant_objects(phi, hand_index, self.op, self.a, self.b, logic)
 
     def sets(self, phi: Tensor, hand_index: int, logic: Logic) -> tuple[Tensor, Tensor]:
-        """What is moved and the target, p1 and p2, [B, K, N] each, where programs move objects."""
+        """Degrees p1 and p2 of the moved and the target set, [B, K, N] each."""
         assert self.roles is not None
         found = relevant_roles(phi, hand_index, self.op, self.a, self.b, self.roles, logic)
         moved, target = found[..., 1:, :].unbind(-2)
         return moved, target
 
     def to_avoid(self, phi: Tensor, hand_index: int, logic: Logic) -> Tensor:
-        """What is to be avoided, p_avoid [B, K, N]; 0 everywhere where nothing is."""
+        """Degrees of the set to avoid, p_avoid [B, K, N]; all 0 for programs that avoid nothing."""
         assert self.avoided is not None
         roles = self.avoided[..., None]
         found = relevant_roles(phi, hand_index, self.op, self.a, self.b, roles, logic)[..., 1, :]
@@ -66,7 +66,7 @@ class Weight(nn.Module):
 
 
 class Detectors(nn.Module):
-    """From Ω to Φ, with which all networks begin that evaluate programs.
+    """Φ from Ω: the first layer of all networks that evaluate programs.
 
     With `learned_detectors` Φ is computed by detectors, else it is the true one. `logic` joins
     degrees: PRODUCT, unless an actor is set to another.
@@ -110,7 +110,7 @@ class Detectors(nn.Module):
 
 
 class Trunk(Detectors):
-    """From Ω and programs to h = Σ p_i ω'_i; actor and critic each have their own."""
+    """h = Σ p_i ω'_i from Ω and programs; actor and critic each have their own."""
 
     def __init__(self, config: NetworkConfig, learned_detectors: bool) -> None:
         super().__init__(config, learned_detectors)

@@ -13,7 +13,7 @@ from pa_ros.language.flat import AND, NOT, OR
 from pa_ros.world.programs import COEFFICIENTS, ProgramTable
 
 Joined = Callable[[int, Tensor, Tensor], Tensor]
-"""What instruction k of each program writes, of its sources [B, K, N] each."""
+"""Compute instruction k of each program from its sources, [B, K, N] each."""
 
 
 def program_tensors(
@@ -92,7 +92,7 @@ def _products(op: Tensor, phi: Tensor) -> Joined:
 
 
 def _extremes(op: Tensor, phi: Tensor) -> Joined:
-    """Of `MIN_MAX`; not meant to be differentiated."""
+    """The operations of `MIN_MAX`; not meant to be differentiated."""
 
     def joined(k: int, x: Tensor, y: Tensor) -> Tensor:
         which = op[..., k, None]  # [B, K, 1]

@@ -1,4 +1,4 @@
-"""What a camera sees of the table: pictures to object features, without ROS (NumPy, OpenCV).
+"""Perception: object features from pictures of the table, without ROS (NumPy, OpenCV).
 
 `Sight` does it all: the camera's `View`, `blobs` in a picture, a `Tracker`, and a `Calibration` of
 what blobs look like. `CameraTask` is the arena seen by it. This module needs no OpenCV.
@@ -59,7 +59,7 @@ def task_seen(
 
 
 def sight_of(config: ArenaConfig, calibration: str) -> Sight:
-    """What sees through a calibrated camera over an arm's table. Raises as `task_seen`."""
+    """The `Sight` of a calibrated camera over an arm's table. Raises as `task_seen`."""
     with _opencv():
         from pa_ros.perception.calibration import Cameras
         from pa_ros.perception.sight import Sight
@@ -68,7 +68,7 @@ def sight_of(config: ArenaConfig, calibration: str) -> Sight:
 
 @contextmanager
 def _opencv() -> Iterator[None]:
-    """For imports that need OpenCV."""
+    """Translate a failed import of OpenCV."""
     try:
         yield
     except ImportError as error:

@@ -24,7 +24,7 @@ ONES = np.ones((3, 3), np.uint8)
 
 @dataclass(frozen=True)
 class Blob:
-    """What may be one object."""
+    """A part of a picture that may be one object."""
 
     xy: Float64  # [2] m on the table
     crop: Float32  # [CROP_PX, CROP_PX, 3] in [0, 1]; 0 where it is not of the blob

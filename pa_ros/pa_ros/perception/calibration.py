@@ -1,4 +1,4 @@
-"""From what blobs look like to features of one size, and which looks are unlike all that is known.
+"""Calibration: features of one size from the looks of blobs, and a threshold for novel looks.
 
 Made once, from pictures of scenes with known blocks; nobody says which block is which. It travels
 with a checkpoint as text, and its digest is part of the world, so that agents, learner and camera
@@ -35,7 +35,7 @@ USUAL = 0.99  # of known blobs are as near to another one as `usual` says
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """Of D numbers of a look to W features: z-scores, projected, and zero for what is novel."""
+    """Maps the D numbers of a look to W features: z-scores, projected; zero for novel looks."""
 
     mean: Float32  # [D]
     rate: Float32  # [D], 1 / standard deviation; 0: not used
@@ -45,7 +45,7 @@ class Channel:
 
     @classmethod
     def of(cls, looks: Float64) -> Channel:
-        """Of looks [K, D] of known blobs."""
+        """Fit a channel to looks [K, D] of known blobs."""
         spread = looks.std(0)
         rate = np.where(spread > LEAST_SPREAD, 1 / np.maximum(spread, LEAST_SPREAD), 0.0)
         scores = _scores(looks, looks.mean(0), rate)
@@ -94,7 +94,7 @@ class Calibration:
 
     @classmethod
     def of(cls, view: str, size: tuple[int, int], blobs: Sequence[Blob]) -> Calibration:
-        """Of blobs of known blocks that nothing covers. PerceptionError if they are too few."""
+        """Fit to uncovered blobs of known blocks. PerceptionError if they are too few."""
         if len(blobs) < FEWEST:
             raise PerceptionError(
                 f"calibration: expected at least {FEWEST} blobs, found {len(blobs)}: does camera "
@@ -107,7 +107,7 @@ class Calibration:
         return cls(view, *size, {name: Channel.of(x) for name, x in looks.items()})
 
     def to_text(self) -> str:
-        """As one line of JSON."""
+        """Return it as one line of JSON."""
         channels = {
             name: {f.name: _to_data(getattr(channel, f.name)) for f in fields(channel)}
             for name, channel in self.channels.items()

@@ -1,4 +1,4 @@
-"""What a blob looks like, as numbers: its color apart from its shape.
+"""The look of a blob as numbers: its color apart from its shape.
 
 Color is the mean chromaticity, which brightness does not change. Shape is the relative brightness,
 the outline and the area. Detectors are linear, and words must hold for colors and shapes
@@ -33,7 +33,7 @@ def shape(blob: Blob) -> Float64:
 
 
 CHANNELS = {"shape": shape, "color": color}
-"""What is measured for each property group."""
+"""The measurement for each property group."""
 
 
 def _inside(blob: Blob) -> Float32:

@@ -1,4 +1,4 @@
-"""From pictures of one episode to the rows of an observation."""
+"""Object rows of an observation from the pictures of one episode."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HIDES = 0.6  # of a block's side: a smaller part of the table that was never see
 
 
 class Sight:
-    """What was seen since the episode began. How many objects there are is not known.
+    """All objects seen since the episode began. Their true number is not known.
 
     A row of an observation is of one object until the episode ends, also while it is not seen. Rows
     are added as objects are found.

@@ -59,11 +59,11 @@ class CameraTask(ReachTask):
         self.sight.close()
 
     def drawn(self) -> Picture:
-        """What each camera shows now, with the objects found so far (`Sight.drawn`)."""
+        """The current picture of each camera, with the objects found so far (`Sight.drawn`)."""
         return self.sight.drawn(self.pictures())
 
     def pictures(self) -> list[Picture]:
-        """What each camera shows now."""
+        """The current picture of each camera."""
         state = self.simulation.model, self.simulation.data
         return [view.take(*state) for view in self.sight.views]
 

@@ -143,7 +143,7 @@ def usage(name: str, settings: type[Settings] | None = None) -> str:
 
 
 def die_with_parent(grace_s: float = 10.0, lingers_s: float = 0.0) -> None:
-    """In a child process of a launcher: end when the launcher has ended, as at SIGTERM.
+    """End this child process, as at SIGTERM, when its launcher has ended.
 
     A learner then still writes its checkpoint, and a recorder closes its bag. The signal comes
     `lingers_s` later, for a process that needs the last messages of others; a process that hasn't

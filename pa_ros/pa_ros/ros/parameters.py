@@ -97,7 +97,7 @@ class NodeParameters(Generic[Kind]):
 
 
 def describe(leaf: Leaf) -> ParameterDescriptor:
-    """What `ros2 param describe` shows of a setting."""
+    """The description of a setting that `ros2 param describe` shows."""
     return ParameterDescriptor(
         description=leaf.description, additional_constraints=leaf.expected, read_only=True
     )

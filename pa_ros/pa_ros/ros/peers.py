@@ -1,4 +1,4 @@
-"""Who publishes here: which arena, which learner, which agent a node follows, and who is ignored.
+"""The arena, learner and agents that a node follows, and the publishers that it ignores.
 
 On loopback every well-formed message is trusted, but there should be one arena, one learner, and
 one agent for each arena. If there are two, all nodes must keep to the same one: mixing the steps

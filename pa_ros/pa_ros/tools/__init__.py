@@ -1,1 +1,1 @@
-"""What people start on the graph: launching, watching, sending, recording, playback."""
+"""Tools that people start on the graph: launch, watch, send, record, play back."""

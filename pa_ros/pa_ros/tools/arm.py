@@ -139,11 +139,11 @@ class Arm:
 
     @property
     def arena(self) -> ArenaDescription:
-        """What the arena, or the robot in its place, says of itself: words, joints, limits."""
+        """Facts about the arena, or the robot in its place: words, joints, limits."""
         return self.scene().arena
 
     def scene(self) -> Scene:
-        """What is on the table now: blocks, the program in force, programs that make sense."""
+        """The scene now: blocks, the current program, and programs that make sense."""
         assert self.graph.monitor.scene is not None  # the constructor waited for it
         return self.graph.monitor.scene
 

@@ -53,7 +53,7 @@ class PlaybackOptions(Settings):
 
 @dataclass
 class Played:
-    """What was published."""
+    """Counts of published messages."""
 
     counts: dict[str, int] = field(default_factory=dict)  # messages by topic
     late_s: deque[float] = field(default_factory=lambda: deque(maxlen=100_000))  # behind schedule

@@ -57,7 +57,7 @@ _ROUND: Final = 500  # messages taken from one topic before the next has its tur
 
 
 class RecordingOptions(BagOptions):
-    """What to record, and how to store it."""
+    """Content and storage of a recording."""
 
     topics: tuple[str, ...] = Field((), description="by name; none: all of pa_ros")
     namespace: str = Field("", description="of the arena to record")

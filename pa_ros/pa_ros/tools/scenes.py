@@ -31,7 +31,7 @@ POLL_S = 0.5  # between two checks whether an arena publishes samples
 
 @dataclass(frozen=True)
 class Scene:
-    """What is on an arena's table at one step, and what could be asked there; `print` shows it."""
+    """An arena's scene at one step, and the programs possible there; `print` shows it."""
 
     arena: ArenaDescription
     step: Step

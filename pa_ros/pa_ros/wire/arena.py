@@ -1,4 +1,4 @@
-"""What an arena, or a robot in place of one, offers its agents (ArenaInfo)."""
+"""An arena's description for its agents (ArenaInfo); a robot in its place sends the same."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ NUMBERS = ("joint_lower", "joint_upper", "speed_limits", "thresholds")
 
 
 class Mode(IntEnum):
-    """What starts a control step: a command, or the clock."""
+    """The trigger of a control step: a command, or the clock."""
 
     LOCKSTEP = msg.ArenaInfo.MODE_LOCKSTEP
     REAL_TIME = msg.ArenaInfo.MODE_REAL_TIME
@@ -43,7 +43,7 @@ class Mode(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class ArenaDescription:
-    """What an arena offers; ArenaInfo.msg explains the fields."""
+    """An arena's description; ArenaInfo.msg explains the fields."""
 
     mode: Mode
     design: str

@@ -1,4 +1,4 @@
-"""What a process says about itself: health (/diagnostics) and origin (Provenance)."""
+"""A process's report about itself: health (/diagnostics) and origin (Provenance)."""
 
 from __future__ import annotations
 

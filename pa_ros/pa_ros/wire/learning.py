@@ -1,4 +1,4 @@
-"""What learner and agents exchange: trajectories, weights, and what the learner asks for."""
+"""Messages between learner and agents: trajectories, weights, and the learner's requests."""
 
 from __future__ import annotations
 

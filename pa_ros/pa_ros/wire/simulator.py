@@ -62,7 +62,7 @@ class SimState(IntEnum):
 
 
 class Scope(IntEnum):
-    """What a reset puts back; these can be added."""
+    """Parts of the state that a reset restores; they can be added."""
 
     DEFAULT = srv.ResetSimulation.Request.SCOPE_DEFAULT
     TIME = srv.ResetSimulation.Request.SCOPE_TIME

@@ -1,4 +1,4 @@
-"""What other ROS programs use: markers, transforms, camera pictures, poses, controllers."""
+"""Messages for other ROS programs: markers, transforms, camera pictures, poses, controllers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a state means: its objects, which of them a program names, and the reward."""
+"""The meaning of a state: its objects, the ones that a program names, and the reward."""
 
 from pa_ros.world.reward import REWARDS, Reward, Sparse, reward_from
 from pa_ros.world.scoring import Score, Scoring

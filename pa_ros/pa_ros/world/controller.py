@@ -96,7 +96,7 @@ class HandController:
 
     @cached_property
     def speed_limits(self) -> Float64:
-        """Of the joints, rad/s [J]."""
+        """Speed limits of the joints, rad/s [J]."""
         return np.array([link.max_speed for link in self.joints])
 
     @cached_property
@@ -164,7 +164,7 @@ class HandController:
         return np.asarray(velocity * free)
 
     def to_data(self) -> dict[str, Any]:
-        """As data for JSON."""
+        """Return it as data for JSON."""
         return asdict(self)
 
     @classmethod

@@ -1,4 +1,4 @@
-"""From actions to joint velocities that are safe for a real arm."""
+"""Joint velocities that are safe for a real arm, from actions."""
 
 from __future__ import annotations
 

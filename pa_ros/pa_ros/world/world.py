@@ -125,7 +125,7 @@ class World:
         return truth
 
     def to_data(self) -> dict[str, Any]:
-        """As data for JSON."""
+        """Return it as data for JSON."""
         added: dict[str, Any] = {"moves_objects": True} if self.vocabulary.moves_objects else {}
         if self.vocabulary.avoids:
             added["avoids"] = True

@@ -184,7 +184,7 @@ class TorchEngine(ABC):
                 moments["step"].fill_(int(tensors[f"adam.{name}.step"]))
 
     def gradients(self) -> Tensors:
-        """Of the latest update, `actor.*`, `critic.*`: what Adam was given."""
+        """Gradients of the latest update as Adam received them: `actor.*` and `critic.*`."""
         return {
             f"{owner}.{name}": parameter.grad.cpu().numpy()
             for owner, module in self.networks.items()

@@ -1,4 +1,4 @@
-"""What programs name, by kind of object: one gather instead of evaluating programs anew."""
+"""The kinds of objects that programs name: one gather instead of evaluating programs anew."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ class Ledger:
         self.agents[agent].record(key.sequence)
 
     def accounted(self) -> dict[AgentKey, int]:
-        """For each agent, the first trajectory that is not accounted for."""
+        """The first trajectory of each agent that is not accounted for."""
         return {agent: tracker.accounted for agent, tracker in self.agents.items()}
 
     def to_metadata(self) -> dict[str, Any]:
