@@ -213,7 +213,7 @@ class SimNode(ManagedNode):
         if waiting and status.accepted:
             self._publish(self.session.current)
 
-    # What the services do
+    # Services
 
     def begin(self, request: ResetRequest) -> None:
         """Begin an episode; raises what `Session.begin` raises."""

@@ -234,7 +234,7 @@ class Session:
             )
         self.current = Step(observation, verdict, text, evaluation, executed, self.arena_id)
 
-    # What the arena says about itself
+    # Descriptions of the arena
 
     def describe(self) -> ArenaDescription:
         """The arena's description, which is published once."""

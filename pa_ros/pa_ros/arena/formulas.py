@@ -33,7 +33,7 @@ FORMULAS: Mapping[str, tuple[str, str]] = {
         "!g U ((b|m) & (!g U y))",
         f"THEN(AVOID({{g}}, {B_OR_M}), AVOID({{g}}, {Y}))",
     ),
-    # Who never comes near g and b owes nothing: a stronger goal.
+    # If the hand never comes near g and b, the implication holds: a stronger goal.
     "finite-4": (
         "((g|b) => (!y U m)) U y",
         f"AVOID(OR({{g}}, {{b}}), {Y})",

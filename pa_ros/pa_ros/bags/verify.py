@@ -102,7 +102,7 @@ def verify(
         if one.version is not None and not found.difference:
             try:
                 learner.consume(one.trajectory)
-            # What the recorded learner accepted must be accepted again.
+            # The learner must accept again everything that the recorded learner accepted.
             except PaError as error:
                 found.difference = f"version {one.version}: {error}"
             _compare(experience, learner, found)

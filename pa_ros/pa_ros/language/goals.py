@@ -90,7 +90,7 @@ def require_possible(
                 text, span, code=error.code, expected=expected, received=received
             ) from None
         moved, targets = roles(alone, objects, hand_index, bodiless)
-        # What is moved is touched. A target of other relations than NEAR may be farther away.
+        # The hand touches the moved object. Targets of relations other than NEAR may be far away.
         needed = (moved, targets) if program.relation == NEAR else (moved,)
         for place, expression in avoided:
             span = Span(place, place + len(str(expression)))

@@ -122,8 +122,8 @@ class Trunk(Detectors):
         self.local = nn.ModuleList([nn.Linear(columns, hidden), nn.Linear(hidden, hidden)])
         self.message = nn.ModuleList([nn.Linear(2 * columns, hidden), nn.Linear(hidden, hidden)])
         if several := config.vocabulary.relation_inputs:
-            # What each relation adds to the first layer of r: "parameterizing the message passing
-            # operation based on the relation to be achieved" (paper, appendix).
+            # A vector for each relation, added in the first layer of r: "parameterizing the
+            # message passing operation based on the relation to be achieved" (paper, appendix).
             self.relation = Weight(hidden, several)
         if config.vocabulary.avoids:
             last = nn.Linear(hidden, hidden, bias=False)

@@ -70,7 +70,7 @@ class ManagedNode(LifecycleNode, ABC):
             answer = getattr(self, f"_LifecycleNodeMixin__on_{path}")
             self.create_service(kind, f"~/{path}", answer)
         self.create_service(srv.ChangeState, "~/change_state", self._on_change_state)
-        # What exists now belongs to every state: parameter and lifecycle services, diagnostics.
+        # These exist in every state: parameter and lifecycle services, diagnostics.
         self._permanent = {id(entity) for _, entity in self._entities()}
         if self.get_parameter("autostart").value is not False:
             for trigger in (self.trigger_configure, self.trigger_activate):

@@ -53,7 +53,7 @@ class PeerMonitor(Generic[Info]):
         self._data_at = -math.inf  # when its data arrived last
         self._others: dict[Hashable, Info] = {}  # descriptions of the others, by id
         self._others_data_at: dict[Hashable, float] = {}
-        # What an ignored peer does, and when it was noticed first and last.
+        # The actions of each ignored peer, and when it was noticed first and last.
         self._ignored: dict[Hashable, tuple[str, float, float]] = {}
 
     def described(self, peer: Hashable, info: Info) -> None:

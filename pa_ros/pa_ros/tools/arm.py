@@ -135,7 +135,7 @@ class Arm:
             raise
         return cls(graph=graph)
 
-    # What is on the table
+    # The scene
 
     @property
     def arena(self) -> ArenaDescription:

@@ -176,7 +176,7 @@ def _check(message: msg.ArenaInfo, world: World) -> None:
     )
 
 
-# What other announcements (LearnerInfo, Provenance) share with this one.
+# Shared with other announcements (LearnerInfo, Provenance).
 
 
 def check_version(where: str, message: Any) -> None:

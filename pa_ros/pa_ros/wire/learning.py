@@ -104,7 +104,7 @@ def decode_trajectory(message: msg.Trajectory, world: World) -> Trajectory:
     )
 
 
-# What the learner asks for
+# The learner's requests
 
 
 def encode_learner_info(learner: LearnerInfo) -> msg.LearnerInfo:

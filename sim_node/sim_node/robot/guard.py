@@ -55,7 +55,7 @@ class Guard:
             too_fast = rows[fast]
             square = too_fast @ too_fast.T + DAMPING * np.eye(len(too_fast))
             kept = kept - too_fast.T @ np.linalg.solve(square, excess[fast])
-        # What is still too fast, all joints are slowed down for alike.
+        # If a joint is still too fast, all joints slow down by the same factor.
         towards = rows @ kept
         over = towards > most + TINY
         return kept * min(1.0, *(most[over] / towards[over])) if over.any() else kept

@@ -97,7 +97,7 @@ class RobotNode(ManagedNode):
     def cleanup(self) -> None:
         self.output.stop()
 
-    # What is measured
+    # Measurements
 
     def _on_joints(self, message: Message) -> None:
         state = decode_driver_joints(message, self.arm.joints.names)
@@ -160,7 +160,7 @@ class RobotNode(ManagedNode):
         status = answer_program(request, name, self._stamp_ns, self.arm.submit, self.refusals)
         self._status.publish(encode_program_status(status))
 
-    # What people see
+    # Displays
 
     def _show(self) -> None:
         if self._step is not None and self._samples.get_subscription_count():
