@@ -14,6 +14,7 @@ from pa_ros.acting.agent import Agent
 from pa_ros.acting.execution import ExecutionWatch, window_s
 from pa_ros.arena import ReachTask, design_named, preset_named, scripted_action
 from pa_ros.core.experience import PublishedPolicy, Step
+from pa_ros.evaluation.agents import load_agent
 from pa_ros.language import parse_goal, stages
 from pa_ros.learning.checkpoints import load_policy
 
@@ -106,6 +107,19 @@ def test_a_nearer_block_about_which_the_agent_is_undecided_is_not_gone_for() -> 
                 actor.act(observation, task.program), actor.infer(observation, task.program)
             )
     assert undecided > 2
+
+
+def test_an_agent_that_moved_a_block_to_its_place_holds_still() -> None:
+    task = ReachTask(preset_named("push"), design_named("push-3D"), seed=1)
+    agent = load_agent("shipped:push")
+    actor = Actor.of(agent.snapshot)
+    for episode in range(3):
+        observation, verdict = task.reset(episode, "eval")
+        while not verdict.truncated:
+            moves = actor.act(observation, task.program).any()
+            assert moves == (verdict.reward <= 0.0)  # rewarded only well within the limit
+            observation, verdict = task.step(agent.policy(observation, task.program))
+        assert verdict.satisfied
 
 
 def test_a_stage_that_the_goal_lacks_is_rejected(task: ReachTask, agent: Agent) -> None:

@@ -25,7 +25,7 @@ from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import Tensors, actor_shapes, check_tensors
 from pa_ros.world.comparisons import choose
 from pa_ros.world.schema import ObjectSchema
-from pa_ros.world.scoring import Score, Scoring
+from pa_ros.world.scoring import REWARDED, Score, Scoring
 
 if TYPE_CHECKING:  # it loads torch, which the fused code does not need
     from pa_ros.networks.inference import Inference
@@ -64,6 +64,7 @@ class Actor:
         self._shapes = actor_shapes(network)
         world = network.world
         self._world, self._features = world, (world.object_features, world.arm_features)
+        self._scoring = Scoring.of(world.vocabulary.relations)
         self._make_inference = inference_for(network, inference)
         self.backend = "torch" if _why_torch(network, inference) else "fused"
         self._inference: Inference | None = None
@@ -146,10 +147,21 @@ class Actor:
             chosen = _compared(observation, program, meant, self._world.schema)
             if commits:
                 chosen = _nearest_two(chosen, objects)
+                if not program.moves_hand and self._holds(observation, program.relation, chosen):
+                    return np.zeros(self._world.actions, np.float32)
             hidden = {*chain(*meant)} - {hand, *chain(*chosen)}
             shown = [i for i in range(len(objects)) if i not in hidden]
             objects, hand = objects[shown], shown.index(hand)
         return self._inference.act(objects, arm, program.sets_alone, hand)
+
+    def _holds(
+        self, observation: Observation, relation: str, chosen: Sequence[Sequence[int]]
+    ) -> bool:
+        """Whether a relation holds between a moved object and a target, safely within its limit."""
+        moved, targets = chosen
+        seen, pose = observation.objects, observation.hand_pose
+        score = self._scoring.of_targets(targets, seen, relation, pose, moved)
+        return bool(score.measure <= REWARDED * self._scoring.threshold(relation, between=True))
 
     def _avoid(self, observation: Observation, program: Program, avoided: Expression) -> Float32:
         """The action of an agent that commits. Networks learn to avoid one object, and keep farther
