@@ -29,6 +29,7 @@ BENCHMARKS = {
     "rehearsal": "how often programs are executed in the arena and on a robot of robot_node",
     "roles": "updates where programs move objects, beside updates without roles",
     "sharpness": "how sharply detectors should speak where agents execute",
+    "tracking": "how well cameras keep track of blocks that are pushed",
     "train": "updates per second while learning, as a share of updates alone",
 }
 

@@ -33,7 +33,8 @@ def blob(
     inside = (np.hypot(u, v) < 7) if round_ else (np.maximum(abs(u), abs(v)) < 7)
     shading = light * (1 - 0.02 * v)[..., None]
     crop = (inside[..., None] * np.array(rgb) * shading).astype(np.float32)
-    return Blob(np.array(xy), crop, inside.astype(np.float32), area, covered, (0, 0, 9, 9))
+    mask, box = inside.astype(np.float32), (0, 0, 9, 9)
+    return Blob(np.array(xy), crop, mask, area, covered, box, np.ones((10, 10), np.bool_))
 
 
 @lru_cache

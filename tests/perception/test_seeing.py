@@ -18,16 +18,18 @@ from pa_ros.arena import (
 from pa_ros.arena.camera import PICTURES
 from pa_ros.core.errors import ConfigError
 from pa_ros.world.poses import in_base
-from pa_ros.world.schema import Seen
+from pa_ros.world.schema import PLACE, Seen
 
 pytest.importorskip("cv2", reason="no OpenCV: install programmable-agents[camera]")
 from pa_ros.perception.blobs import Blob, blobs
 from pa_ros.perception.calibration import Cameras
 from pa_ros.perception.errors import PerceptionError
+from pa_ros.perception.sight import Sight
 from pa_ros.perception.task import CameraTask
 from pa_ros.perception.view import View
 
 CONFIG, DESIGN = preset_named("fast"), design_named("3-D")
+PUSHED = preset_named("push")
 PROGRAMS = training_programs(DESIGN)
 
 
@@ -178,6 +180,32 @@ def test_it_looks_until_nothing_can_be_hidden_and_rows_keep_their_objects(
     after = [track.xy for track in seen.sight.tracker.tracks]
     assert len(after) == len(seen.episode.blocks) >= rows
     assert np.allclose(before, after[:rows], atol=0.02)
+
+
+def test_a_block_keeps_its_row_and_place_while_the_hand_that_pushes_it_hides_it(
+    calibration: Cameras,
+) -> None:
+    task, sight = ReachTask(PUSHED, design_named("push-2"), 0), Sight(PUSHED, calibration)
+    medians, hidden = [], 0
+    for episode in (0, 3, 5):
+        verdict = task.reset(episode)[1]
+        sight.begin()
+        solid = [PLACE not in block.kind.words for block in task.episode.blocks]
+        row, errors = -1, []
+        moved = task.verifier.moved[0]
+        while not verdict.truncated:
+            state = task.simulation.model, task.simulation.data
+            sight.look([sight.views[0].take(*state)], task.simulation.joint_position)
+            places = np.array([track.xy for track in sight.tracker.tracks])
+            apart = np.linalg.norm(places - task.simulation.positions[moved, :2], axis=1)
+            row = int(apart.argmin()) if row < 0 and apart.min() < 0.02 else row
+            errors.append(float(apart[row]))
+            hidden += sight.tracker.tracks[row].age > 0
+            verdict = task.step(scripted_action(task))[1]
+        assert len(sight.tracker.tracks) == sum(solid)  # and no place, which has no body
+        medians.append(np.median(errors[20:]))
+    sight.close()
+    assert hidden > 50 and max(medians) < 0.06 and np.median(medians) < 0.015
 
 
 def test_a_picture_of_another_size_is_rejected(seen: CameraTask) -> None:

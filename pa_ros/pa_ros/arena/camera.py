@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from pa_ros.arena.errors import RenderError
+from pa_ros.arena.model import PLACES
 from pa_ros.arena.simulation import Simulation
 from pa_ros.core.experience import Body, Float64
 from pa_ros.core.settings import Settings
@@ -93,6 +94,7 @@ class Camera:
         width: int,
         height: int,
         pictures: Pictures = PLAIN,
+        shows_places: bool = True,
     ) -> None:
         """`view` is a camera of the model, or CLOSE. Later models may have other blocks.
 
@@ -109,6 +111,7 @@ class Camera:
         self._pictures, self._random = pictures, np.random.default_rng(0)
         self._textured: int | None = model.geom("table").id if pictures.texture else None
         self._option, self._camera = mujoco.MjvOption(), mujoco.MjvCamera()
+        self._option.geomgroup[PLACES] = shows_places
         self._close = view == CLOSE
         if self._close:
             self._camera.lookat[:] = 0.0, 0.0, 0.06

@@ -24,6 +24,7 @@ SOLID, BLOCK = 1, 2
 # m/s below which a pushed block falls asleep again. With MuJoCo's default, 1e-3, a block that still
 # rolls would stop.
 SLEEP_TOLERANCE = 1e-5
+PLACES = 2  # MuJoCo's group of the geoms of places, which pictures show unless a camera hides it
 
 
 def build(config: ArenaConfig, looks: Sequence[Look]) -> mujoco.MjModel:
@@ -103,7 +104,8 @@ def _block(config: ArenaConfig, index: int, look: Look) -> str:
     if not look.has_body:
         return f"""
 <body name="block{index}" mocap="true">
-  <geom name="block{index}" {look.geometry} contype="0" conaffinity="0" mass="0"/>
+  <geom name="block{index}" {look.geometry} contype="0" conaffinity="0" mass="0"
+    group="{PLACES}"/>
 </body>"""
     mass = config.block_mass_kg * look.density
     return f"""

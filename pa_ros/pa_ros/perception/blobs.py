@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32, Float64
-from pa_ros.perception.view import BLOCK_M, PLANE_M, Mask, Picture, View
+from pa_ros.perception.view import BLOCK_M, PLANE_M, Mask, Picture, View, largest, total
 
 UNLIKE_TABLE = 30  # least difference of a color, 0 to 255
 SHADE, DARKEST = 12, 0.3  # greatest difference of a color in a shadow, and a shadow's least light
@@ -32,14 +32,20 @@ class Blob:
     area: float  # in areas of a usual block
     covered: bool  # in part, by the arm or by the picture's edge
     box: tuple[int, int, int, int]  # left, top, right, bottom; px
+    pixels: Mask  # [height, width] of the box: those that are of the blob
     camera: int = 0  # that saw it; those with lower numbers are more exact
+
+
+def uncovered(view: View, arm: Mask) -> Mask:
+    """The pixels of the table that the arm does not cover; those at its edge count as covered."""
+    covered = cv2.dilate(arm.astype(np.uint8), ONES)
+    return np.asarray(view.table & (covered == 0))
 
 
 def blobs(view: View, picture: Picture, arm: Mask) -> list[Blob]:
     """The blobs in a picture, without what shows the arm."""
-    covered = cv2.dilate(arm.astype(np.uint8), ONES)
-    shown = (_unlike(picture, view.empty, view.table & (covered == 0))).astype(np.uint8)
-    beside_arm = np.asarray(cv2.dilate(covered, ONES) > 0)
+    shown = _unlike(picture, view.empty, uncovered(view, arm)).astype(np.uint8)
+    beside_arm = np.asarray(cv2.dilate(arm.astype(np.uint8), ONES, iterations=2) > 0)
     hsv = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2HSV), np.uint8)
     count, labels, stats, middles = cv2.connectedComponentsWithStats(shown, connectivity=8)
     found = []
@@ -62,13 +68,13 @@ def blobs(view: View, picture: Picture, arm: Mask) -> list[Blob]:
 
 def _unlike(picture: Picture, empty: NDArray[np.int16], table: Mask) -> Mask:
     """The pixels of the table that do not show it, in any light."""
-    light = np.median(picture[table].sum(-1) / empty[table].sum(-1))
+    light = np.median(total(picture.astype(np.int32))[table] / total(empty.astype(np.int32))[table])
     expected = np.minimum(empty * light, 255)
-    unlike: Mask = table & (np.abs(picture - expected).max(-1) > UNLIKE_TABLE)
+    unlike: Mask = table & (largest(np.abs(picture - expected)) > UNLIKE_TABLE)
     # A shadow has the table's color. The mean over some pixels is compared, because of noise.
     seen, known = (cv2.blur(x.astype(np.float32), (3, 3)) for x in (picture, empty))
-    shade = (seen * known).sum(-1) / np.maximum((known * known).sum(-1), 1.0)
-    other = np.abs(seen - shade[..., None] * known).max(-1)
+    shade = total(seen * known) / np.maximum(total(known * known), 1.0)
+    other = largest(np.abs(seen - shade[..., None] * known))
     shaded = (unlike & (other < SHADE * light) & (shade > DARKEST * light)).astype(np.uint8)
     # Where nothing casts a shadow, such pixels are the dark edges of objects.
     casts = bool(cv2.morphologyEx(shaded, cv2.MORPH_OPEN, ONES).any())
@@ -91,7 +97,8 @@ def _blob(view: View, picture: Picture, mask: Mask, beside_arm: Mask) -> Blob:
     ]
     area = len(u) / (BLOCK_M * scale) ** 2
     covered = at_edge or bool((mask & beside_arm).any())
-    return Blob(xy, cut[0], cut[1], area, covered, (left, top, right, bottom))
+    pixels = mask[top : bottom + 1, left : right + 1]
+    return Blob(xy, cut[0], cut[1], area, covered, (left, top, right, bottom), pixels)
 
 
 def _split(whole: Mask, hsv: NDArray[np.uint8], block: float) -> Iterator[Mask]:

@@ -12,9 +12,9 @@ from pa_ros.arena.arms import ARMS
 from pa_ros.arena.camera import PLAIN, Pictures
 from pa_ros.arena.config import ArenaConfig
 from pa_ros.core.experience import Float32, Float64
-from pa_ros.perception.blobs import blobs
+from pa_ros.perception.blobs import blobs, uncovered
 from pa_ros.perception.calibration import Cameras
-from pa_ros.perception.tracker import Tracker
+from pa_ros.perception.tracker import Arm, Tracker
 from pa_ros.perception.view import BLOCK_M, PLANE_M, Mask, Picture, View
 from pa_ros.world.poses import POSE_WIDTH, in_hand
 
@@ -35,6 +35,7 @@ class Sight:
         sizes = [(one.view, one.width, one.height) for one in cameras.each]
         self.views = [View(config, *size, pictures) for size in sizes]
         self.cameras, view = cameras, self.views[0]
+        self._pushes = config.arm_touches_blocks
         v, u = np.mgrid[: view.height, : view.width]
         places = view.on_plane(u, v, PLANE_M)
         radius = np.linalg.norm(places, axis=-1)
@@ -64,16 +65,17 @@ class Sight:
         """
         for view, picture in zip(self.views, pictures, strict=True):
             view.check(picture)
-        self.looked, found = True, []
+        self.looked, found, free = True, [], []
         for camera, (view, picture) in enumerate(zip(self.views, pictures, strict=True)):
             arm = view.arm(joint_position)
             found += [replace(blob, camera=camera) for blob in blobs(view, picture, arm)]
+            free.append((view, uncovered(view, arm)))
             if camera > 0:
                 u, v = self._same_place[camera - 1]
                 outside = (u < 0) | (v < 0) | (u >= view.width) | (v >= view.height)
                 arm = outside | arm[v.clip(0, view.height - 1), u.clip(0, view.width - 1)]
             self._never_seen &= arm
-        self.tracker.update(found)
+        self.tracker.update(found, Arm(self.views[0].hand, free) if self._pushes else None)
 
     @property
     def complete(self) -> bool:

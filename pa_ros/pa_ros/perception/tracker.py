@@ -1,22 +1,27 @@
 """Which blob is of which object, in the next picture and in another camera's: nearest neighbours.
 
-Hidden blocks lie still.
+Where blocks lie still, a hidden one is where it was. Where they are pushed, what covers a block in
+part is often what pushes it; then it is where its last whole picture explains best what is seen.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.perception.blobs import Blob
+from pa_ros.perception.fitting import fitted
+from pa_ros.perception.view import Mask, View
 
 MOST = 15  # objects
 NEAR_M = 0.05  # a blob within this of a track is of the track
 MOVED_M = 0.02  # a blob farther away than this from its track has moved
 NEWEST = 0.3  # weight of the newest position of what lies still
+TOUCH_M, LOW_M = 0.07, 0.12  # from a block to a hand that touches it, and how high that is at most
 
 
 @dataclass(eq=False)
@@ -27,6 +32,10 @@ class Track:
     looks: dict[int, Blob]  # each camera's best look at it
     age: int = 0  # updates since it was seen last
     properties: Float32 | None = None  # of these looks, once computed
+    whole: dict[int, Blob] = field(default_factory=dict)  # each camera's last picture of all of it
+
+    def __post_init__(self) -> None:
+        self.before = self.xy  # at the update before
 
     @property
     def covered(self) -> bool:
@@ -34,22 +43,31 @@ class Track:
         return all(look.covered for look in self.looks.values())
 
 
+class Arm(NamedTuple):
+    """An arm that pushes blocks."""
+
+    hand: Float64  # [3] m, where it is
+    free: Sequence[tuple[View, Mask]]  # each camera, and its pixels that the arm does not cover
+
+
 class Tracker:
     """At most `most` objects; the order of its tracks is that of the observation's rows.
 
-    A blob that is covered in part neither moves a track nor changes how it looks, unless nothing
-    better was ever seen of it.
+    A blob that is covered in part does not change how a track looks, unless nothing better was ever
+    seen of it, and moves it only where blocks are pushed.
     """
 
     def __init__(self, most: int = MOST) -> None:
         self._most = most
         self.tracks: list[Track] = []
 
-    def update(self, blobs: Sequence[Blob]) -> None:
-        """Take in the blobs of a new picture from each camera."""
+    def update(self, blobs: Sequence[Blob], arm: Arm | None = None) -> None:
+        """Take in the blobs of a new picture from each camera, and where the arm pushes blocks, the
+        arm."""
         for track in self.tracks:
             track.age += 1
         taken: set[tuple[Track, int]] = set()
+        parts: dict[Track, list[Blob]] = {}
         for blob in sorted(blobs, key=lambda blob: (blob.covered, blob.camera, -blob.area)):
             near = [track for track in self.tracks if _apart(track, blob) < NEAR_M]
             free = [track for track in near if (track, blob.camera) not in taken]
@@ -62,6 +80,10 @@ class Tracker:
                 track = Track(blob.xy, {blob.camera: blob})
                 self.tracks.append(track)
             taken.add((track, blob.camera))
+            parts.setdefault(track, []).append(blob)
+        if arm is not None:
+            for track in self.tracks:
+                _fit(track, parts.get(track, []), arm)
 
 
 def _apart(track: Track, blob: Blob) -> float:
@@ -80,3 +102,25 @@ def _follow(track: Track, blob: Blob) -> None:
     whole = own is not None and not own.covered
     if (not whole and better) if blob.covered else (not whole or moved or better):
         track.looks[blob.camera], track.properties = blob, None
+
+
+def _fit(track: Track, blobs: Sequence[Blob], arm: Arm) -> None:
+    """Move a track that no blob shows whole to where the blobs, all that is seen of it now, are
+    explained best."""
+    seen = {blob.camera: blob for blob in blobs}
+    whole = {camera: blob for camera, blob in seen.items() if not blob.covered}
+    track.whole |= whole
+    if not whole:
+        camera = min(seen or track.looks)
+        last = _pushed(track.before, arm.hand)
+        known, part = track.whole.get(camera), seen.get(camera)
+        track.xy = fitted(*arm.free[camera], last, known, part)
+    track.before = track.xy
+
+
+def _pushed(xy: Float64, hand: Float64) -> Float64:
+    """Where a block that was at `xy` is, since the hand does not go through it."""
+    away = xy - hand[:2]
+    distance = float(np.linalg.norm(away))
+    touches = hand[2] < LOW_M and 0 < distance < TOUCH_M
+    return hand[:2] + away * (TOUCH_M / distance) if touches else xy

@@ -40,9 +40,13 @@ class View:
         self._data = mujoco.MjData(self._model)
         self._joints = config.joints
         known, size = Pictures(texture=pictures.texture), (width, height)
-        self._imagined = Camera(self._model, view, *size, known)
-        same = pictures == known
-        self._camera = self._imagined if same else Camera(self._model, view, *size, pictures)
+
+        def camera(of: Pictures) -> Camera:
+            # Places have no body: they are marks that somebody tells, which no camera sees.
+            return Camera(self._model, view, *size, of, shows_places=False)
+
+        self._imagined = camera(known)
+        self._camera = self._imagined if pictures == known else camera(pictures)
         self.matrix = intrinsics(self._model, view, width, height)  # K, [3, 3] px
         pose, turn = optical_pose(self._model, view), np.zeros(9)
         mujoco.mju_quat2Mat(turn, np.roll(pose.quaternion, 1))
@@ -73,8 +77,13 @@ class View:
         """The pixels that show the arm at these joint positions (rad)."""
         self._data.qpos[: self._joints] = joint_position
         shown = self._imagine().astype(np.int16)
-        arm: Mask = np.abs(shown - self.empty).max(-1) > OF_ARM
+        arm: Mask = largest(np.abs(shown - self.empty)) > OF_ARM
         return arm
+
+    @property
+    def hand(self) -> Float64:
+        """Where the hand of the arm's model is, [3] m."""
+        return np.asarray(self._data.body("hand").xpos)
 
     def on_plane(self, u: Any, v: Any, height: float) -> Float64:
         """Where the rays of pixels meet the plane at a height: x y, [..., 2] m; NaN: nowhere."""
@@ -116,6 +125,16 @@ class View:
         empty = self._imagine().astype(np.int16)
         self._model.geom_rgba[:, 3] = alpha
         return empty
+
+
+def total(colors: NDArray[Any]) -> NDArray[Any]:
+    """The sum over red, green and blue, [..., 3]: far sooner than by a reduction."""
+    return np.asarray(colors[..., 0] + colors[..., 1] + colors[..., 2])
+
+
+def largest(colors: NDArray[Any]) -> NDArray[Any]:
+    """The largest of red, green and blue, [..., 3]."""
+    return np.asarray(np.maximum(np.maximum(colors[..., 0], colors[..., 1]), colors[..., 2]))
 
 
 def _taken(camera: Camera, model: mujoco.MjModel, data: mujoco.MjData) -> Picture:
