@@ -109,17 +109,20 @@ def test_a_nearer_block_about_which_the_agent_is_undecided_is_not_gone_for() -> 
     assert undecided > 2
 
 
-def test_an_agent_that_moved_a_block_to_its_place_holds_still() -> None:
+def test_a_block_is_moved_slower_as_it_comes_to_its_place() -> None:
     task = ReachTask(preset_named("push"), design_named("push-3D"), seed=1)
-    agent = load_agent("shipped:push")
+    agent, slow, still = load_agent("shipped:push"), 0, 0
     actor = Actor.of(agent.snapshot)
     for episode in range(3):
         observation, verdict = task.reset(episode, "eval")
         while not verdict.truncated:
-            moves = actor.act(observation, task.program).any()
-            assert moves == (verdict.reward <= 0.0)  # rewarded only well within the limit
+            full = actor.infer(observation, task.program)
+            part = actor.act(observation, task.program) / full
+            assert part == pytest.approx(np.clip((verdict.distance - 0.06) / 0.06, 0, 1), abs=1e-3)
+            slow, still = slow + bool(0 < part[0] < 1), still + (part[0] == 0)
             observation, verdict = task.step(agent.policy(observation, task.program))
         assert verdict.satisfied
+    assert slow and still
 
 
 def test_a_stage_that_the_goal_lacks_is_rejected(task: ReachTask, agent: Agent) -> None:

@@ -25,13 +25,14 @@ from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import Tensors, actor_shapes, check_tensors
 from pa_ros.world.comparisons import choose
 from pa_ros.world.schema import ObjectSchema
-from pa_ros.world.scoring import REWARDED, Score, Scoring
+from pa_ros.world.scoring import Score, Scoring
 
 if TYPE_CHECKING:  # it loads torch, which the fused code does not need
     from pa_ros.networks.inference import Inference
 
 MEANT = 0.5  # an object is meant if its degree is this part of the greatest one, at least
 SURELY = 0.75  # the same where an agent goes for one: words that are undecided have half a degree
+STOPPED, FULL_SPEED = 0.6, 1.2  # parts of a relation's limit between which objects are moved slower
 AVOIDED_WITHIN_M = 0.50  # of the hand: what is farther away need not be avoided yet
 NEARNESS_M = (
     0.10  # of objects to be avoided, one so much nearer than another counts e times as much
@@ -141,27 +142,30 @@ class Actor:
         if commits and program.avoided is not None:
             return self._avoid(observation, program, program.avoided)
         arm, objects, hand = self._arm(observation), observation.objects, observation.hand_index
+        speed = np.float32(1.0)
         if program.compares or commits:
             least = MEANT if program.compares else SURELY
             meant = self._meant(observation, least)(program)
             chosen = _compared(observation, program, meant, self._world.schema)
             if commits:
                 chosen = _nearest_two(chosen, objects)
-                if not program.moves_hand and self._holds(observation, program.relation, chosen):
-                    return np.zeros(self._world.actions, np.float32)
+                if not program.moves_hand:
+                    speed = self._speed(observation, program.relation, chosen)
             hidden = {*chain(*meant)} - {hand, *chain(*chosen)}
             shown = [i for i in range(len(objects)) if i not in hidden]
             objects, hand = objects[shown], shown.index(hand)
-        return self._inference.act(objects, arm, program.sets_alone, hand)
+        return self._inference.act(objects, arm, program.sets_alone, hand) * speed
 
-    def _holds(
+    def _speed(
         self, observation: Observation, relation: str, chosen: Sequence[Sequence[int]]
-    ) -> bool:
-        """Whether a relation holds between a moved object and a target, safely within its limit."""
+    ) -> np.float32:
+        """The part of full speed at which an object is moved: less and less as the relation begins
+        to hold, so that the object is not pushed on, and spheres do not roll away."""
         moved, targets = chosen
         seen, pose = observation.objects, observation.hand_pose
-        score = self._scoring.of_targets(targets, seen, relation, pose, moved)
-        return bool(score.measure <= REWARDED * self._scoring.threshold(relation, between=True))
+        measure = self._scoring.of_targets(targets, seen, relation, pose, moved).measure
+        part = measure / self._scoring.threshold(relation, between=True)
+        return np.float32(np.clip((part - STOPPED) / (FULL_SPEED - STOPPED), 0.0, 1.0))
 
     def _avoid(self, observation: Observation, program: Program, avoided: Expression) -> Float32:
         """The action of an agent that commits. Networks learn to avoid one object, and keep farther
