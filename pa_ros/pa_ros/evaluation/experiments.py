@@ -141,7 +141,7 @@ EXPERIMENTS = {
         Experiment("programmable-3D-exact", "3-D-exact", 30_000),
         Experiment("relations-3D", "3-D-relations", 100_000),
         Experiment("above-red-3D", "3-D-above-red", 60_000),
-        Experiment("avoid-3D", "3-D-avoid", 60_000, protocol=AVOID),
+        Experiment("avoid-3D", "3-D-avoid", 100_000, protocol=AVOID),
         Experiment("sizes", "sizes", 40_000),
         Experiment("distilled-2L", "2-L", 30_000, network="distilled-critic"),
         Experiment("distilled-3D", "3-D", 30_000, network="distilled-critic"),
