@@ -1,5 +1,7 @@
 """Hindsight: places move to where a block later was, and rewards follow by the verifier's rule."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,14 +10,16 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import HAND_INDEX
 from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.config import HindsightConfig
+from pa_ros.learning.errors import LearningError
 from pa_ros.learning.hindsight import Hindsight, Transitions
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.replay_buffer.buffer import ReplayBuffer
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Scoring, Trajectory
+from pa_ros.world.measures import ProgramMeasures
 from pa_ros.world.poses import in_base, in_hand
 from pa_ros.world.programs import ProgramTable, crisp_roles
-from pa_ros.world.schema import PUSHING
+from pa_ros.world.schema import PUSHING, ObjectSchema, PropertyGroup, Seen
 from pa_ros.world.world import World
 
 WORDS = Vocabulary.of(shape=("CUBE", "SPHERE", "PLACE"), color=("RED", "BLUE")).moving("PLACE")
@@ -115,6 +119,66 @@ def test_programs_whose_targets_cannot_be_moved_afterwards_are_drawn_seldom(
         drawn.count(TEXTS.index(text)) for text in ("NEAR(CUBE, PLACE)", "NEAR(CUBE, SPHERE)")
     )
     assert 0 < 5 * to_block < to_place
+
+
+SEEN = replace(
+    PUSH,
+    schema=ObjectSchema(
+        (
+            PropertyGroup("shape", WORDS["shape"], Seen(4, told=("PLACE",)), bodiless=("PLACE",)),
+            PropertyGroup("color", WORDS["color"], Seen(3, told=WORDS["color"])),
+        )
+    ),
+)
+"""As PUSH, but the words of blocks are not told."""
+ONE_EACH = [
+    parse(text, WORDS)
+    for text in (
+        "NEAR(AND(RED, CUBE), AND(RED, PLACE))", "NEAR(AND(RED, SPHERE), AND(RED, PLACE))",
+        "NEAR(AND(BLUE, CUBE), AND(RED, PLACE))", "NEAR(HAND, AND(RED, CUBE))",
+        "NEAR(HAND, AND(RED, PLACE))", "NEAR(AND(RED, CUBE), AND(RED, SPHERE))",
+    )
+]  # fmt: skip
+
+
+def as_seen(trajectory: Trajectory) -> Trajectory:
+    """The same in the world SEEN, with the verifier's measures."""
+    measure = ProgramMeasures(ONE_EACH, PUSH, Scoring())
+    named = measure.named(trajectory.objects[0], HAND_INDEX)
+    measures = measure(named, trajectory.objects, trajectory.arm[:, -7:])
+    objects = np.zeros((*trajectory.objects.shape[:2], SEEN.object_features), np.float32)
+    objects[..., :7] = trajectory.objects[..., :7]
+    objects[:, [CUBE, SPHERE], 7:] = np.random.default_rng(0).normal(size=objects.shape[2] - 7)
+    objects[:, [CUBE, SPHERE], SEEN.schema.slices["shape"].stop - 1] = 0.0
+    objects[:, [CUBE, SPHERE], -2:] = 0.0
+    objects[:, PLACE, 7:] = SEEN.schema.features({"shape": "PLACE", "color": "RED"})[7:]
+    return replace(trajectory, objects=objects, world_digest=SEEN.digest, measures=measures)
+
+
+def test_hindsight_draws_the_same_where_only_the_verifier_knows_the_words_of_blocks() -> None:
+    drawn, given = [], (Scoring(), HindsightConfig())
+    for world in (PUSH, SEEN):
+        rng, replay = np.random.default_rng(0), ReplayBuffer(1000, world)
+        made = Hindsight(ONE_EACH, world, *given)
+        for sequence in range(8):
+            trajectory = pushed(rng, sequence, moves=sequence == 3)
+            if world is SEEN:
+                trajectory = as_seen(trajectory)
+            replay.check(trajectory)
+            replay.insert(trajectory, 0, made.masks(trajectory))
+        drawn.append(made.draw(np.random.default_rng(1), replay, 500))
+    told, seen = drawn
+    assert set(told.program) >= {0, 1, 3, 4, 5} and set(told.reward) == {-1.0, 1.0}
+    for name in ("index", "program", "reward"):
+        np.testing.assert_array_equal(getattr(told, name), getattr(seen, name))
+    np.testing.assert_array_equal(told.next_objects[..., :7], seen.next_objects[..., :7])
+
+
+def test_without_the_verifiers_measures_nothing_is_learned_of_what_is_seen() -> None:
+    trajectory = as_seen(pushed(np.random.default_rng(0), 0, moves=True))
+    made = Hindsight(ONE_EACH, SEEN, Scoring(), HindsightConfig())
+    with pytest.raises(LearningError, match="expected the verifier's measures of the 6 training"):
+        made.masks(replace(trajectory, measures=None))
 
 
 def test_without_hindsight_scenes_stay_and_all_rows_are_drawn(replay: ReplayBuffer) -> None:

@@ -213,6 +213,22 @@ def test_a_picture_of_another_size_is_rejected(seen: CameraTask) -> None:
         seen.sight.look([np.zeros((120, 160, 3), np.uint8)], np.zeros(6))
 
 
+def test_places_are_told_where_blocks_are_seen(calibration: Cameras) -> None:
+    task = CameraTask(PUSHED, design_named("push-2"), 0, calibration)
+    observation, verdict = task.reset(0)
+    labels = task.world.schema.labels(observation.objects, 0)
+    assert labels == ("hand", "RED PLACE", "BLUE PLACE", "block 3", "block 4", "block 5", "block 6")
+    poses = in_base(observation.hand_pose, observation.objects[1:, :7].astype(np.float64))
+    for label, place in zip(labels[1:3], poses, strict=False):
+        kinds = [" ".join([b.kind["color"], b.kind["shape"]]) for b in task.episode.blocks]
+        true = task.simulation.positions[1 + kinds.index(label)]
+        np.testing.assert_allclose(place[:3], true, atol=1e-5)
+    assert verdict.measures is not None
+    own = [str(p) for p in training_programs(task.design)].index(str(task.program))
+    assert verdict.measures[own] == verdict.distance
+    task.close()
+
+
 def test_a_design_with_other_properties_is_rejected(calibration: Cameras) -> None:
     with pytest.raises(ConfigError, match=r"expected a design with the property groups \['shape'"):
-        CameraTask(preset_named("push"), design_named("push-2"), 0, calibration)
+        CameraTask(CONFIG, design_named("sizes"), 0, calibration)

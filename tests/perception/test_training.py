@@ -39,6 +39,17 @@ def test_an_agent_trained_from_pictures_keeps_its_camera(
     assert ": 1 episode, " in capsys.readouterr().out
 
 
+def test_an_agent_that_pushes_learns_and_is_scored_from_pictures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = ["train", "--design", "push-2", "--perception", "camera", "--out", str(tmp_path)]
+    settings = ["--learner.replay.warmup_frames", "100", "--network.hidden", "16"]
+    assert cli.main([*run, *settings, "--frames", "200", "--eval-every", "0"]) == 0
+    scored = ["eval", "--checkpoint", str(tmp_path), "--condition", "pairs", "--episodes", "1"]
+    assert cli.main(scored) == 0
+    assert ": 1 episode, " in capsys.readouterr().out
+
+
 def test_pictures_are_of_one_condition_and_for_agents_that_see(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

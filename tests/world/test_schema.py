@@ -172,6 +172,20 @@ def test_seen_features_have_columns_and_words_but_tell_none() -> None:
         world.truth(np.ones((2, 11), np.float32))
 
 
+def test_objects_without_a_body_are_told_where_others_are_seen() -> None:
+    shape = PropertyGroup("shape", ("CUBE", "PLACE"), Seen(2, told=("PLACE",)), ("PLACE",))
+    schema = ObjectSchema((shape, PropertyGroup("color", ("RED",), Seen(1, told=("RED",)))))
+    world = World(schema, schema.vocabulary.moving("PLACE"), joints=6)
+    assert schema.feature_names[7:] == ("shape_0", "shape_1", "shape_place", "color_0", "color_red")
+    assert schema.seen_columns.tolist() == [7, 8, 10]
+    block = np.array([0] * 7 + [0.2, 1, 0, 0.5, 0], np.float32)
+    objects = np.stack([0 * block, block, schema.features({"shape": "PLACE", "color": "RED"})])
+    assert schema.bodies(objects).tolist() == [True, True, False]
+    assert schema.labels(objects, 0) == ("hand", "block 1", "RED PLACE")
+    assert world.told(objects).tolist() == [[0, 0, 0], [0, 0, 0], [0, 1, 1]]
+    assert World.from_json(world.to_json()) == world
+
+
 def test_the_calibration_of_what_is_seen_is_part_of_a_world() -> None:
     world = World(SEEN, SEEN.vocabulary, joints=6)
     assert World.from_json(world.to_json()) == world

@@ -19,9 +19,11 @@ from pa_ros.core.experience import Float32, Float64
 from pa_ros.core.update import HAND_INDEX
 from pa_ros.language import Or, Program
 from pa_ros.learning.config import HindsightConfig
+from pa_ros.learning.relabeling.all_goals import GoalMasks, published
 from pa_ros.learning.relabeling.kinds import Kinds
-from pa_ros.learning.replay_buffer.buffer import Int64, ReplayBuffer
-from pa_ros.world import Scoring
+from pa_ros.learning.relabeling.seen_sets import SeenSets
+from pa_ros.learning.replay_buffer.buffer import NO_GOALS, Int64, ReplayBuffer
+from pa_ros.world import Scoring, Trajectory
 from pa_ros.world.poses import POSE_WIDTH, in_base, in_hand
 from pa_ros.world.programs import ProgramTable
 from pa_ros.world.world import World
@@ -84,21 +86,34 @@ class Hindsight:
         kinds = Kinds(world)
         self._sets = kinds.sets(self._table)[: len(programs)]  # [P, 2, kinds]
         self._body = world.schema.bodies(kinds.features)  # [kinds]
+        self._seen = None if world.schema.tells_words else SeenSets(programs, world, scoring)
         self._relations = self._table.relations()
         self._hand_moves = np.array([p.moves_hand for p in self.programs])
         # A target that has a body is not moved afterwards, so hardly any transition satisfies a
         # program that names it. Agents did not learn where these were drawn as often as others.
-        to_body = (self._sets[:, 1] & self._body).any(-1) & ~self._hand_moves[: len(programs)]
+        to_place = (self._sets[:, 1] & ~self._body).any(-1)
+        to_body = ~to_place & ~self._hand_moves[: len(programs)]
         self._rarity = np.where(to_body, RARITY, 1.0)  # exponents of random keys, [P]
+
+    def masks(self, trajectory: Trajectory) -> GoalMasks:
+        """What a replay buffer must store of a trajectory where objects are seen; LearningError
+        (learning.unjudged) without the verifier's measures."""
+        if self._seen is None:
+            return NO_GOALS
+        measures = published(trajectory.measures, len(trajectory) + 1, len(self._sets))
+        poses = trajectory.arm[:, -POSE_WIDTH:]
+        sets = self._seen(trajectory.objects, trajectory.hand_index, poses, measures)
+        bits = np.uint64(1) << np.arange(len(sets), dtype=np.uint64)
+        return NO_GOALS._replace(sets=np.einsum("psn,p->ns", sets.astype(np.uint64), bits))
 
     def draw(self, rng: np.random.Generator, replay: ReplayBuffer, size: int) -> Transitions:
         """Draw transitions, programs and places. A transition whose scene none of the programs fits
         keeps its own program and reward."""
         index, block = self._rows(rng, replay, size)
         drawn = Transitions(replay, index)
-        kinds = replay.arrays["kind"][index]  # [B, N]
         every = np.arange(size)
-        sets = self._sets_of(kinds)  # [P, 2, N, B], since the reductions are fast along first axes
+        # The sets are [P, 2, N, B], since the reductions are fast along first axes.
+        sets, bodies = self._sets_of(replay, index)
         fits = np.all(np.any(sets, 2), 1).T  # [B, P]
         about = np.any(sets[:, :, block, every], 1).T
         wanted = fits & (about | (block == HAND_INDEX)[:, None])
@@ -112,7 +127,7 @@ class Hindsight:
         other = _one_of(rng.random((len(rows), others.shape[1])), others[rows])
         chosen[rows] |= sets[other, :, :, rows]
         program[rows] = self._joined[program[rows], other]
-        self._move_places(rng, replay, drawn, chosen, self._body[kinds], block)
+        self._move_places(rng, replay, drawn, chosen, bodies, block)
         known = fits.any(-1)
         reward = self._reward(drawn, program, chosen)
         drawn.program = np.where(known, program, drawn.program)
@@ -133,14 +148,23 @@ class Hindsight:
             block[about_moved] = (which * rng.random(which.shape)).argmax(-1)
         return index, block
 
-    def _sets_of(self, kinds: NDArray[np.int16]) -> Bools:
-        """The two sets of every program in every scene, [P, 2, N, B], of its kinds [B, N]."""
-        sets = self._sets.take(kinds.T, -1)
+    def _sets_of(self, replay: ReplayBuffer, index: Int64) -> tuple[Bools, Bools]:
+        """The two sets of every program in rows [B], [P, 2, N, B], and what has a body, [B, N]."""
+        if self._seen is not None:
+            bits = replay.arrays["sets"][index].T  # [2, N, B]
+            rows = np.arange(len(self._sets), dtype=np.uint64)[:, None, None, None]
+            sets, bodies = (
+                (bits >> rows & np.uint64(1)).astype(np.bool_),
+                replay.arrays["body"][index],
+            )
+        else:
+            kinds = replay.arrays["kind"][index]  # [B, N]
+            sets, bodies = self._sets.take(kinds.T, -1), self._body[kinds]
         sets[:, :, HAND_INDEX] = False
         of_hand = self._hand_moves[: len(sets)]
         sets[of_hand, 0] = False
         sets[of_hand, 0, HAND_INDEX] = True
-        return sets
+        return sets, bodies
 
     def _move_places(
         self,

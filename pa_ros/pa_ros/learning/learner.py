@@ -150,6 +150,8 @@ class Learner:
             goals = self._relabeler.masks(
                 seen, trajectory.hand_index, hand_pose, trajectory.measures
             )
+        elif self._hindsight is not None:
+            goals = self._hindsight.masks(trajectory)
         self.replay.insert(trajectory, program, goals)
         before = replace(self.counters)
         self.counters.frames += len(trajectory)

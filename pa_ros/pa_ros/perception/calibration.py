@@ -162,17 +162,21 @@ class Cameras:
     def schema(self, told: ObjectSchema) -> ObjectSchema:
         """The schema of what is seen in place of one in which properties are told.
 
-        ConfigError unless it has the groups that cameras see.
+        Objects without a body are not seen: they stay told. ConfigError unless it has the groups
+        that cameras see.
         """
-        if [group.name for group in told] != list(CHANNELS) or told.bodiless:
+        if [group.name for group in told] != list(CHANNELS):
             raise ConfigError(
-                f"perception: expected a design with the property groups {list(CHANNELS)} and "
-                f"no places, got {[group.name for group in told]}"
+                f"perception: expected a design with the property groups {list(CHANNELS)}, got "
+                f"{[group.name for group in told]}"
             )
-        seen = {name: Seen(width, calibration=self.digest) for name, width in self.widths.items()}
-        return ObjectSchema(
-            tuple(PropertyGroup(group.name, group.words, seen[group.name]) for group in told)
-        )
+        groups = []
+        for group in told:
+            # Of its other properties an object without a body may have any value.
+            values = group.bodiless or (group.features.values if told.bodiless else ())
+            seen = Seen(self.widths[group.name], calibration=self.digest, told=values)
+            groups.append(PropertyGroup(group.name, group.words, seen, group.bodiless))
+        return ObjectSchema(tuple(groups))
 
     @cached_property
     def digest(self) -> str:

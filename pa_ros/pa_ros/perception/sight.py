@@ -17,6 +17,7 @@ from pa_ros.perception.calibration import Cameras
 from pa_ros.perception.tracker import Arm, Tracker
 from pa_ros.perception.view import BLOCK_M, PLANE_M, Mask, Picture, View
 from pa_ros.world.poses import POSE_WIDTH, in_hand
+from pa_ros.world.schema import PAPER, ObjectSchema
 
 SEEN_NOW, REMEMBERED = (255, 255, 255), (150, 150, 150)  # colors of boxes
 FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -30,12 +31,23 @@ class Sight:
     are added as objects are found.
     """
 
-    def __init__(self, config: ArenaConfig, cameras: Cameras, pictures: Pictures = PLAIN) -> None:
-        """RenderError where there is no OpenGL."""
+    def __init__(
+        self,
+        config: ArenaConfig,
+        cameras: Cameras,
+        pictures: Pictures = PLAIN,
+        schema: ObjectSchema | None = None,
+    ) -> None:
+        """RenderError where there is no OpenGL.
+
+        :param schema: of the observations (`Cameras.schema`); None: where nothing is told.
+        """
+        self.schema = schema or cameras.schema(PAPER)
         sizes = [(one.view, one.width, one.height) for one in cameras.each]
         self.views = [View(config, *size, pictures) for size in sizes]
         self.cameras, view = cameras, self.views[0]
         self._pushes = config.arm_touches_blocks
+        self._first = 1  # row of the first track
         v, u = np.mgrid[: view.height, : view.width]
         places = view.on_plane(u, v, PLANE_M)
         radius = np.linalg.norm(places, axis=-1)
@@ -85,18 +97,22 @@ class Sight:
         hidden = cv2.erode(self._never_seen.astype(np.uint8), self._hides_block)
         return not hidden.any()
 
-    def objects(self, hand_pose: Float64) -> Float32:
-        """Object features [1 + tracks, F] in the frame of the hand, whose pose [7] is in the
-        base's; the hand's first."""
-        tracks, properties = self.tracker.tracks, self._properties()
+    def objects(self, hand_pose: Float64, told: Float32 | None = None) -> Float32:
+        """Object features [1 + told + tracks, F] in the frame of the hand, whose pose [7] is in the
+        base's; the hand's first, then those that are told, [told, F], of objects without a body.
+        """
+        tracks, schema = self.tracker.tracks, self.schema
         poses = np.zeros((1 + len(tracks), POSE_WIDTH))
         poses[:, 2], poses[:, 6] = PLANE_M, 1.0
         poses[0] = hand_pose
         poses[1:, :2] = np.array([track.xy for track in tracks]).reshape(-1, 2)
-        objects = np.zeros((len(poses), POSE_WIDTH + properties.shape[1]), np.float32)
+        objects = np.zeros((len(poses), schema.width), np.float32)
         objects[:, :POSE_WIDTH] = in_hand(hand_pose, poses)
-        objects[1:, POSE_WIDTH:] = properties
-        return objects
+        objects[1:, schema.seen_columns] = self._properties()
+        if told is None:
+            return objects
+        self._first = 1 + len(told)
+        return np.concatenate([objects[:1], told, objects[1:]])
 
     def drawn(self, pictures: Sequence[Picture]) -> Picture:
         """The pictures, beside each other, with a box around each object: its row, and the groups
@@ -105,7 +121,7 @@ class Sight:
         for camera, picture in enumerate(pictures):
             shown = picture.copy()
             for row, track in enumerate(self.tracker.tracks):
-                words, start = [str(row + 1)], 0
+                words, start = [str(row + self._first)], 0
                 for name, width in self.cameras.widths.items():
                     if not properties[row, start : start + width].any():
                         words.append(f"new {name}")

@@ -7,19 +7,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from pa_ros.arena import ArenaConfig, Design, Episode, ReachTask
 from pa_ros.arena.camera import PLAIN, Pictures
-from pa_ros.core.experience import Float64, Observation, Verdict
+from pa_ros.core.experience import Float32, Float64, Observation, Verdict
 from pa_ros.perception.blobs import Blob, blobs
 from pa_ros.perception.calibration import MOST, Calibration, Cameras
 from pa_ros.perception.sight import Sight
 from pa_ros.perception.view import Picture, View
 from pa_ros.world import Reward
+from pa_ros.world.poses import POSE_WIDTH
 from pa_ros.world.world import World
 
 CALIBRATION_SEED = 3_000_003  # of scenes that neither training nor evaluation sees
 SCENES = 100
 LOOK_EVERY = 10  # steps between pictures, while something may be hidden
+# Where the arm touches blocks: a hand so high touches none, and then steps between pictures.
+LIFTED_M, LIFTED_EVERY = 0.15, 3
 
 
 class CameraTask(ReachTask):
@@ -37,9 +42,7 @@ class CameraTask(ReachTask):
         """RenderError where there is no OpenGL, ConfigError for a design that is not seen."""
         self.seen_schema = cameras.schema(design.schema)
         super().__init__(config, design, seed, reward, measures_programs=True)
-        self.sight = Sight(config, cameras, pictures)
-        # Blocks that the arm touches may move, so every step is looked at.
-        self._every = 1 if config.arm_touches_blocks else LOOK_EVERY
+        self.sight = Sight(config, cameras, pictures, self.seen_schema)
         self._looked_at = 0  # step of the newest picture
 
     @property
@@ -69,16 +72,29 @@ class CameraTask(ReachTask):
 
     def _observe(self) -> tuple[Observation, Verdict]:
         true, verdict = super()._observe()
-        if not self.sight.looked or self._is_due():
+        if not self.sight.looked or self._is_due(float(true.hand_pose[2])):
             self._looked_at = self._step
             self.sight.look(self.pictures(), true.joint_position)
-        return replace(true, objects=self.sight.objects(true.hand_pose)), verdict
+        objects = self.sight.objects(true.hand_pose, self._told(true.objects))
+        return replace(true, objects=objects), verdict
 
-    def _is_due(self) -> bool:
+    def _told(self, objects: Float32) -> Float32:
+        """What is told of the objects without a body, [told, F]; `objects` [N, F] are the true
+        ones."""
+        told = []
+        for block, row in zip(self.episode.blocks, objects[1:], strict=True):
+            if not self.seen_schema.has_body(block.kind):
+                told.append(self.seen_schema.features(block.kind))
+                told[-1][:POSE_WIDTH] = row[:POSE_WIDTH]
+        return np.array(told, np.float32).reshape(-1, self.seen_schema.width)
+
+    def _is_due(self, hand_height: float) -> bool:
         """Whether this step needs a picture; another program at the same step needs no second."""
-        if self._step % self._every or self._step == self._looked_at:
+        if self._step == self._looked_at:
             return False
-        return self._every == 1 or not self.sight.complete
+        if self.config.arm_touches_blocks:
+            return hand_height < LIFTED_M or self._step % LIFTED_EVERY == 0
+        return self._step % LOOK_EVERY == 0 and not self.sight.complete
 
 
 def calibrate(

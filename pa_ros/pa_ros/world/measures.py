@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.language import Program
-from pa_ros.world.programs import ProgramTable, crisp
+from pa_ros.world.programs import ProgramTable, crisp, crisp_roles
 from pa_ros.world.scoring import Scoring
 from pa_ros.world.world import World
 
@@ -18,23 +17,27 @@ SAME = 0.15  # of a threshold: measures that differ by less may be of the same o
 
 
 class ProgramMeasures:
-    """The P training programs of a world in which programs move the hand, in order.
+    """The P training programs of a world, in order.
 
     The measure of a program is the verifier's (`Scoring`): the least among the objects that it
-    names, infinite if it names none. It holds if that is at most its threshold.
+    names, or pairs of them, infinite if it names none. It holds if that is at most its threshold.
     """
 
     def __init__(self, programs: Sequence[Program], world: World, scoring: Scoring) -> None:
-        if world.vocabulary.moves_objects:
-            raise ConfigError("measures: expected programs that move the hand, got ones that push")
         self._table = ProgramTable(world.vocabulary)
         for program in programs:
             self._table.add(program)
         self._world, self._scoring = world, scoring
         asked = self._table.relations()
+        pushes = np.array([not program.moves_hand for program in self._table.programs])
         self._of_relation = {
-            relation: np.flatnonzero(asked == row)
+            relation: np.flatnonzero((asked == row) & ~pushes)
             for relation, row in world.vocabulary.relation_row.items()
+        }
+        self._pushing = {
+            relation: np.flatnonzero((asked == row) & pushes)
+            for relation, row in world.vocabulary.relation_row.items()
+            if world.vocabulary.moves_objects
         }
         self.thresholds = np.array([scoring.threshold(p.relation) for p in self._table.programs])
 
@@ -42,17 +45,25 @@ class ProgramMeasures:
         return len(self._table)
 
     def named(self, objects: Float32, hand_index: int) -> NDArray[np.bool_]:
-        """Which objects [N, F] each program names, [P, N]; ConfigError if nothing tells it."""
-        return crisp(self._table.arrays(), self._world.truth(objects).T, hand_index)
+        """Which objects [N, F] each program names, [P, N], or where programs move objects, which
+        its two sets contain, [P, 2, N]; ConfigError if nothing tells it."""
+        truth = self._world.truth(objects).T
+        if self._pushing:
+            return crisp_roles(self._table.arrays(), self._table.roles(), truth, hand_index)
+        return crisp(self._table.arrays(), truth, hand_index)
 
     def __call__(
         self, named: NDArray[np.bool_], objects: Float32, hand_pose: Float64 | Float32 | None
     ) -> Float64:
-        """Measures [..., P] of states [..., N, F], given which objects each program names."""
+        """Measures [..., P] of states [..., N, F], given what `named` says of each program."""
         measures = np.zeros((*objects.shape[:-2], len(named)))
         pose = None if hand_pose is None else hand_pose[..., None, :]
+        scenes, targets = objects[..., None, :, :], named[:, 1] if self._pushing else named
         for relation, rows in self._of_relation.items():
-            score = self._scoring(named[rows], objects[..., None, :, :], relation, pose)
+            score = self._scoring(targets[rows], scenes, relation, pose)
+            measures[..., rows] = score.measure
+        for relation, rows in self._pushing.items():
+            score = self._scoring(targets[rows], scenes, relation, pose, named[rows, 0])
             measures[..., rows] = score.measure
         return measures
 

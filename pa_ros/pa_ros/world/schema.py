@@ -85,27 +85,43 @@ class Real:
 @dataclass(frozen=True)
 class Seen:
     """Numbers that a sensor makes of an object, such as a camera's. They tell no word: what words
-    mean of them must be learned, and only a verifier that knows the truth can say."""
+    mean of them must be learned, and only a verifier that knows the truth can say.
 
-    width: int  # number of features
+    Objects without a body are not seen but told: one more feature for each value that they may
+    have. What is seen is zero for them, and what is told is zero for the others."""
+
+    width: int  # number of features that are seen
     scale: float = 1.0  # network units per unit of the features
     calibration: str = ""  # digest of what turns the sensor's data into the features
+    told: tuple[str, ...] = ()  # values of objects that are told
 
-    values: ClassVar[tuple[str, ...]] = ()
-    prototypes: ClassVar[dict[str, tuple[float, ...]]] = {}
-    tolerance: ClassVar[float] = 0.5  # has no meaning without values
+    tolerance: ClassVar[float] = 0.5  # as of OneHot
 
     def __post_init__(self) -> None:
         if type(self.width) is not int or not 1 <= self.width <= MAX_SEEN:
             raise ConfigError(f"seen features: width: expected 1 to {MAX_SEEN}, got {self.width!r}")
 
+    @property
+    def values(self) -> tuple[str, ...]:
+        """Names of the values that are told."""
+        return self.told
+
+    @property
+    def prototypes(self) -> dict[str, tuple[float, ...]]:
+        """The features of an object of each value that is told."""
+        one_hot = OneHot(self.told).prototypes
+        return {value: (0.0,) * self.width + row for value, row in one_hot.items()}
+
     def names(self, group: str) -> tuple[str, ...]:
         """Feature names, in column order."""
-        return tuple(f"{group}_{i}" for i in range(self.width))
+        seen = tuple(f"{group}_{i}" for i in range(self.width))
+        return seen + OneHot(self.told).names(group)
 
     def to_data(self) -> dict[str, Any]:
         """Return it as data for JSON."""
-        return {"seen": self.width, "scale": float(self.scale), "calibration": self.calibration}
+        told = {"told": list(self.told)} if self.told else {}
+        return {"seen": self.width, "scale": float(self.scale), "calibration": self.calibration,
+                **told}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -229,6 +245,16 @@ class ObjectSchema:
             for g in self
         )
 
+    @cached_property
+    def seen_columns(self) -> NDArray[np.intp]:
+        """The columns of what is seen, of all groups in order."""
+        parts = [
+            np.arange(self.slices[g.name].start, self.slices[g.name].start + g.features.width)
+            for g in self
+            if isinstance(g.features, Seen)
+        ]
+        return np.concatenate([np.zeros(0, np.intp), *parts])
+
     @property
     def tells_words(self) -> bool:
         """Whether features say which words are true of an object."""
@@ -310,7 +336,8 @@ def _group(data: dict[str, Any]) -> PropertyGroup:
     name, words = data.pop("name"), tuple(data.pop("words"))
     bodiless = tuple(data.pop("bodiless", ()))
     if "seen" in data:
-        return PropertyGroup(name, words, Seen(data.pop("seen"), **data), bodiless)
+        told = tuple(data.pop("told", ()))
+        return PropertyGroup(name, words, Seen(data.pop("seen"), told=told, **data), bodiless)
     if "values" in data:
         return PropertyGroup(name, words, OneHot(tuple(data.pop("values")), **data), bodiless)
     numbers = {value: tuple(row) for value, row in data.pop("of")}

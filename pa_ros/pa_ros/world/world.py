@@ -120,9 +120,16 @@ class World:
         """
         if not self.schema.tells_words:
             raise ConfigError("truth: expected properties that are told, got ones that are seen")
+        return self.told(objects)
+
+    def told(self, objects: Float32) -> Float32:
+        """Words [..., N, V] that the features of objects [..., N, F] tell: 1 where a word is true.
+
+        Of objects that are seen they tell none.
+        """
         has = np.concatenate(self.schema.has(objects), -1)
-        truth: Float32 = has.astype(np.float32) @ self.value_words
-        return truth
+        words: Float32 = has.astype(np.float32) @ self.value_words
+        return words
 
     def to_data(self) -> dict[str, Any]:
         """Return it as data for JSON."""

@@ -88,7 +88,14 @@ class CameraNode(ManagedNode):
         self._arenas.described(arena.arena_id, arena)
 
     def _see_for(self, arena: ArenaDescription) -> None:
-        """Begin with another arena. PaError for one whose blocks have other properties."""
+        """Begin with another arena. PaError for one whose blocks have other properties, or with
+        places, which its pictures show to people."""
+        if arena.world.schema.bodiless:
+            raise PaError(
+                f"perception: expected an arena without {sorted(arena.world.schema.bodiless)}, "
+                "which a camera would take for blocks; sim_node's perception sees such a world",
+                code="perception.camera",
+            )
         config = preset_named("fast", arena.arm or "jaco")  # only the arm's looks matter here
         sight = sight_of(config, self._calibration)
         if (cameras := len(sight.views)) > 1:

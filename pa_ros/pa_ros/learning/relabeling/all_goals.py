@@ -41,6 +41,20 @@ class GoalMasks(NamedTuple):
     present: Any  # bits of the training programs that name something: of a trajectory, or [...]
     rewards: Float32 | None = None  # [..., P]; None where a reward is a function of `satisfied`
     may_name: UInt64 | None = None  # [N] bits of the programs that may name an object; None: told
+    sets: UInt64 | None = None  # [N, 2] bits of the programs whose sets may contain an object
+
+
+def published(measures: Float64 | None, rows: int, programs: int) -> Float64:
+    """The verifier's measures, if they are [rows, training programs]; else LearningError
+    (learning.unjudged)."""
+    if measures is None or measures.shape != (rows, programs):
+        raise LearningError(
+            f"trajectory: expected the verifier's measures of the {programs} training programs, "
+            "since what is seen tells no words, got "
+            f"{'none' if measures is None else f'shape {measures.shape}'}",
+            code="learning.unjudged",
+        )
+    return measures
 
 
 class Relabeler:
@@ -103,7 +117,7 @@ class Relabeler:
             measures = self._measures(named, objects, hand_pose)  # [T + 1, P]
             present = np.asarray(named.any(-1))
         else:
-            measures = self._published(measures, len(objects))
+            measures = published(measures, len(objects), len(self._measures))
             present = np.asarray(np.isfinite(measures[0]))
             may = self._measures.may_be_named(measures, objects, hand_pose)
             other = ~self._bits.sum()  # programs of which nothing is known
@@ -114,18 +128,6 @@ class Relabeler:
             earned = self._scoring.reward(satisfied, measures)
             rewards = np.where(present, earned, 0.0).astype(np.float32)
         return GoalMasks(self._bits_of(satisfied), int(self._bits_of(present)), rewards, may_name)
-
-    def _published(self, measures: Float64 | None, rows: int) -> Float64:
-        """The verifier's measures, if they are those of the training programs."""
-        expected = rows, len(self._measures)
-        if measures is None or measures.shape != expected:
-            raise LearningError(
-                "trajectory: expected the verifier's measures of the "
-                f"{len(self._measures)} training programs, since what is seen tells no words, got "
-                f"{'none' if measures is None else f'shape {measures.shape}'}",
-                code="learning.unjudged",
-            )
-        return measures
 
     def _bits_of(self, flags: NDArray[np.bool_]) -> UInt64:
         """[..., training programs] as bits, [...]."""

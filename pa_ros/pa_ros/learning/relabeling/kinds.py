@@ -13,7 +13,8 @@ from pa_ros.world.world import World
 
 
 class Kinds:
-    """All combinations of values that an object of a world can have, numbered."""
+    """All combinations of values that an object of a world can have, numbered; where objects are
+    seen, those of the others, which are told."""
 
     def __init__(self, world: World) -> None:
         self._schema = world.schema
@@ -23,7 +24,7 @@ class Kinds:
         # The hand is a kind of its own, the last one: it has no properties.
         hand = np.zeros(world.object_features, np.float32)
         self.features = np.stack([*rows, hand])  # [kinds + 1, F]; the last is the hand's
-        self._truth = world.truth(self.features).T  # [V, kinds + 1]
+        self._truth = world.told(self.features).T  # [V, kinds + 1]
         self._sizes = [len(names) for names in values.values()]
 
     def of(self, objects: Float32) -> NDArray[np.intp]:

@@ -50,10 +50,11 @@ class ReplayBuffer:
         self.rows = 0  # filled
         self.head = 0  # next row to be written
         self.arrays: dict[str, NDArray[Any]] = {}
-        self._kinds = Kinds(world) if world.vocabulary.moves_objects else None
-        self._moved_rows: Int64 | None = None  # until the next insertion
+        self._moves = world.vocabulary.moves_objects
         self._n_is_known = world.schema.tells_words
         """Whether every scene has the same number of objects."""
+        self._kinds = Kinds(world) if self._moves and self._n_is_known else None
+        self._moved_rows: Int64 | None = None  # until the next insertion
         if n_objects is not None:
             self._allocate(n_objects)
 
@@ -129,9 +130,14 @@ class ReplayBuffer:
         if goals.may_name is not None:
             may_name = hand_first(goals.may_name[:, None], trajectory.hand_index)
             arrays["may_name"][index] = _repeated(may_name, n_objects)[:, 0]
-        if self._kinds is not None:
+        if goals.sets is not None:
+            sets = hand_first(goals.sets, trajectory.hand_index)
+            arrays["sets"][index] = _repeated(sets, n_objects)
+            arrays["body"][index] = self.world.schema.bodies(arrays["objects"][index[0]])
+        if self._moves:
+            if self._kinds is not None:
+                arrays["kind"][index] = self._kinds.of(arrays["objects"][index])
             arrays["left"][index] = np.arange(len(trajectory), -1, -1)
-            arrays["kind"][index] = self._kinds.of(arrays["objects"][index])
             arrays["moved"][index] = moved_objects(arrays["objects"][index], trajectory.arm)
             self._moved_rows = None
         self.head = int(last + 1) % self.capacity
@@ -191,9 +197,9 @@ class ReplayBuffer:
         self._allocate(n_objects)
         for name, old in filled.items():
             new = self.arrays[name][: self.rows]
-            if name == "objects":
+            if name in ("objects", "sets"):
                 new[:] = _repeated(old, n_objects)
-            elif name == "may_name":
+            elif name in ("may_name", "moved", "body"):
                 new[:] = _repeated(old[..., None], n_objects)[..., 0]
             else:
                 new[:] = old
@@ -210,11 +216,15 @@ class ReplayBuffer:
             "satisfied": ((), np.uint64),  # bit j: relabeling program j is satisfied at this row
             "present": ((), np.uint64),  # bit j: program j names an object of the scene
         }
-        if self._kinds is not None:
+        if self._moves:
             shapes["left"] = (), np.int32  # transitions from this row to the trajectory's end
-            shapes["kind"] = (n_objects,), np.int16  # see relabeling.kinds
+            if self._kinds is not None:
+                shapes["kind"] = (n_objects,), np.int16  # see relabeling.kinds
+            else:  # bit j: the first, the second set of program j may contain the object
+                shapes["sets"] = (n_objects, 2), np.uint64
+                shapes["body"] = (n_objects,), np.bool_
             shapes["moved"] = (n_objects,), np.bool_  # which blocks moved in its trajectory
-        if not self.world.schema.tells_words:
+        elif not self.world.schema.tells_words:
             shapes["may_name"] = (n_objects,), np.uint64  # bit j: program j may name the object
         if self._goals:
             shapes["goal_reward"] = (self._goals,), np.float32  # of program j, at this row

@@ -1,0 +1,69 @@
+"""Which objects programs may mean, where objects are seen and only the verifier knows their words.
+
+It says how far every training program is from holding. In `NEAR(AND(RED, CUBE), AND(BLUE, PLACE))`
+the words of places are told, so an object that is always as far from the blue place as the verifier
+says may be the red cube, if that is so of all programs that move the red cube or the hand to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pa_ros.core.experience import Float32, Float64
+from pa_ros.language import Program
+from pa_ros.world import Scoring
+from pa_ros.world.measures import SAME
+from pa_ros.world.programs import ProgramTable, crisp_roles
+from pa_ros.world.world import World
+
+Bools = NDArray[np.bool_]
+MAX_PROGRAMS = 64  # bits
+
+
+class SeenSets:
+    """The sets of the P training programs in scenes of which only places are told."""
+
+    def __init__(self, programs: Sequence[Program], world: World, scoring: Scoring) -> None:
+        self._programs, self._world, self._scoring = programs[:MAX_PROGRAMS], world, scoring
+        self._table = ProgramTable(world.vocabulary)
+        for program in self._programs:
+            self._table.add(program)
+
+    def __call__(
+        self, objects: Float32, hand_index: int, hand_pose: Float32, measures: Float64
+    ) -> Bools:
+        """Which objects [T, N, F] of an episode each program's two sets may contain, [P, 2, N],
+        given its measures [T, P]; False for the hand."""
+        words, bodies = self._world.told(objects[0]).T, self._world.schema.bodies(objects[0])
+        sets = crisp_roles(self._table.arrays(), self._table.roles(), words, hand_index)
+        sets &= ~bodies
+        apart: dict[str, Float64] = {}  # by noun: how far each object's measures are from its own
+        for program, (_, places), measure in zip(self._programs, sets, measures.T, strict=True):
+            noun = str(program.target if program.moves_hand else program.moved)
+            if program.moves_hand != places.any():  # else both sets are told, or both are seen
+                own = self._own(program, places, objects, hand_pose)  # [T, N]
+                most = np.median(np.abs(own - measure[:, None]), axis=0)
+                most /= self._scoring.threshold(program.relation, not program.moves_hand)
+                apart[noun] = np.maximum(most, apart.get(noun, 0.0))
+        bodies[hand_index] = False
+        for program, two in zip(self._programs, sets, strict=True):
+            for noun, one in zip(map(str, (program.moved, program.target)), two, strict=True):
+                if noun in apart:
+                    one |= bodies & (apart[noun] < SAME)
+        return sets
+
+    def _own(
+        self, program: Program, places: Bools, objects: Float32, hand_pose: Float32
+    ) -> Float64:
+        """The measure of each object with the hand, or with the nearest of these places, [T, N]."""
+        relation = program.relation
+        if program.moves_hand:
+            return self._scoring.measures(relation, objects, hand_pose)
+        own = [
+            self._scoring.measures(relation, objects[:, [place]], hand_pose, objects)
+            for place in np.flatnonzero(places)
+        ]
+        return np.asarray(np.min(own, axis=0))
