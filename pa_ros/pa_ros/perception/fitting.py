@@ -1,7 +1,7 @@
-"""Where a block is of which the arm hides a part, or all, while it pushes it.
+"""The position of a block that the arm hides, in part or fully, while it pushes the block.
 
-What the block looked like as a whole is moved over the picture until it explains best which pixels
-show the block and which show the table; what the arm covers says nothing.
+The outline from the block's last whole picture is moved over the new picture until it explains best
+which pixels show the block and which show the table. Pixels of the arm count for neither.
 """
 
 from __future__ import annotations
@@ -13,15 +13,18 @@ from pa_ros.core.experience import Float32, Float64
 from pa_ros.perception.blobs import Blob
 from pa_ros.perception.view import BLOCK_M, PLANE_M, Mask, View
 
-FARTHEST_M = 0.06  # that a block goes between two pictures
-NEARER = 0.01  # pixels that a place may explain less, per square pixel by which it is nearer
+FARTHEST_M = 0.06  # a block moves at most so far between two pictures
+NEARER = 0.01  # a nearer position may explain so many pixels less, per square pixel of distance
 
 
 def fitted(
     view: View, uncovered: Mask, last: Float64, whole: Blob | None, part: Blob | None
 ) -> Float64:
-    """The place [2], m, of a block that was at `last` and looked like `whole`, or like any block,
-    if `part`, or nothing, is seen of it now. `uncovered` are the pixels that the arm leaves free.
+    """The position [2], m, of a block that was at `last`.
+
+    :param uncovered: the pixels that the arm does not cover.
+    :param whole: the last blob that showed all of the block; None: any block.
+    :param part: what is seen of it now; None: nothing.
     """
     scale = view.pixels_per_m(last)
     side, far = round(BLOCK_M * scale), int(np.ceil(FARTHEST_M * scale))

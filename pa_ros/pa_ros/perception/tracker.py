@@ -1,7 +1,7 @@
 """Which blob is of which object, in the next picture and in another camera's: nearest neighbours.
 
-Where blocks lie still, a hidden one is where it was. Where they are pushed, what covers a block in
-part is often what pushes it; then it is where its last whole picture explains best what is seen.
+Where the arm does not touch blocks, a hidden block stays where it was. Where the arm pushes blocks,
+it often hides the one that it pushes; `fitting` then estimates the block's position.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ MOST = 15  # objects
 NEAR_M = 0.05  # a blob within this of a track is of the track
 MOVED_M = 0.02  # a blob farther away than this from its track has moved
 NEWEST = 0.3  # weight of the newest position of what lies still
-TOUCH_M, LOW_M = 0.07, 0.12  # from a block to a hand that touches it, and how high that is at most
+TOUCH_M, LOW_M = 0.07, 0.12  # distance to a hand that touches a block, and its greatest height
 
 
 @dataclass(eq=False)
@@ -105,8 +105,7 @@ def _follow(track: Track, blob: Blob) -> None:
 
 
 def _fit(track: Track, blobs: Sequence[Blob], arm: Arm) -> None:
-    """Move a track that no blob shows whole to where the blobs, all that is seen of it now, are
-    explained best."""
+    """Move a track that no blob shows whole to the position that explains its blobs best."""
     seen = {blob.camera: blob for blob in blobs}
     whole = {camera: blob for camera, blob in seen.items() if not blob.covered}
     track.whole |= whole
@@ -119,7 +118,7 @@ def _fit(track: Track, blobs: Sequence[Blob], arm: Arm) -> None:
 
 
 def _pushed(xy: Float64, hand: Float64) -> Float64:
-    """Where a block that was at `xy` is, since the hand does not go through it."""
+    """The position of a block that was at `xy`: outside of the hand, which pushes it."""
     away = xy - hand[:2]
     distance = float(np.linalg.norm(away))
     touches = hand[2] < LOW_M and 0 < distance < TOUCH_M
