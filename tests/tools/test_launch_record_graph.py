@@ -39,7 +39,7 @@ def test_a_run_in_step_is_verified_from_its_first_step(bag):
     with Bag(bag) as opened:
         experience = Experience(opened)
         found = verify(experience)
-    assert found.equal, found
+    assert found.equal, (found.difference, found.incomplete, found.altered, found.named)
     assert all(version % 2 == 0 for version in experience.published)  # a round has two trajectories
     assert found.compared >= 3
     assert found.checked >= found.frames > 300

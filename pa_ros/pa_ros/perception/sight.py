@@ -14,7 +14,7 @@ from pa_ros.arena.config import ArenaConfig
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.perception.blobs import blobs, uncovered
 from pa_ros.perception.calibration import Cameras
-from pa_ros.perception.tracker import Arm, Tracker
+from pa_ros.perception.tracker import PushingArm, Tracker
 from pa_ros.perception.view import BLOCK_M, PLANE_M, Mask, Picture, View
 from pa_ros.world.poses import POSE_WIDTH, in_hand
 from pa_ros.world.schema import PAPER, ObjectSchema
@@ -87,7 +87,7 @@ class Sight:
                 outside = (u < 0) | (v < 0) | (u >= view.width) | (v >= view.height)
                 arm = outside | arm[v.clip(0, view.height - 1), u.clip(0, view.width - 1)]
             self._never_seen &= arm
-        self.tracker.update(found, Arm(self.views[0].hand, free) if self._pushes else None)
+        self.tracker.update(found, PushingArm(self.views[0].hand, free) if self._pushes else None)
 
     @property
     def complete(self) -> bool:

@@ -43,7 +43,7 @@ class Track:
         return all(look.covered for look in self.looks.values())
 
 
-class Arm(NamedTuple):
+class PushingArm(NamedTuple):
     """An arm that pushes blocks."""
 
     hand: Float64  # [3] m, where it is
@@ -61,7 +61,7 @@ class Tracker:
         self._most = most
         self.tracks: list[Track] = []
 
-    def update(self, blobs: Sequence[Blob], arm: Arm | None = None) -> None:
+    def update(self, blobs: Sequence[Blob], arm: PushingArm | None = None) -> None:
         """Take in the blobs of a new picture from each camera, and where the arm pushes blocks, the
         arm."""
         for track in self.tracks:
@@ -104,7 +104,7 @@ def _follow(track: Track, blob: Blob) -> None:
         track.looks[blob.camera], track.properties = blob, None
 
 
-def _fit(track: Track, blobs: Sequence[Blob], arm: Arm) -> None:
+def _fit(track: Track, blobs: Sequence[Blob], arm: PushingArm) -> None:
     """Move a track that no blob shows whole to the position that explains its blobs best."""
     seen = {blob.camera: blob for blob in blobs}
     whole = {camera: blob for camera, blob in seen.items() if not blob.covered}
