@@ -353,7 +353,7 @@ def peers() -> str:
 def baselines() -> str:
     """Shares of episodes that end satisfied: mean over seeds with its interval."""
     path, rows = RESULTS / "baselines.csv", []
-    found = list(csv.DictReader(path.open())) if path.exists() else []
+    found = list(csv.DictReader(path.read_text().splitlines())) if path.exists() else []
     conditions = [name for name in FACED if any(row["condition"] == name for row in found)]
     for method, words in METHODS.items():
         own = [row for row in found if row["method"] == method]
