@@ -40,7 +40,7 @@ class Sight:
     ) -> None:
         """RenderError where there is no OpenGL.
 
-        :param schema: of the observations (`Cameras.schema`); None: where nothing is told.
+        :param schema: of the observations (`Cameras.schema`); None: a world without places.
         """
         self.schema = schema or cameras.schema(PAPER)
         sizes = [(one.view, one.width, one.height) for one in cameras.each]
@@ -99,7 +99,7 @@ class Sight:
 
     def objects(self, hand_pose: Float64, told: Float32 | None = None) -> Float32:
         """Object features [1 + told + tracks, F] in the frame of the hand, whose pose [7] is in the
-        base's; the hand's first, then those that are told, [told, F], of objects without a body.
+        base's: the hand's row first, then the rows `told` of places, then the tracks'.
         """
         tracks, schema = self.tracker.tracks, self.schema
         poses = np.zeros((1 + len(tracks), POSE_WIDTH))

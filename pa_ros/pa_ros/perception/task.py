@@ -79,7 +79,7 @@ class CameraTask(ReachTask):
         return replace(true, objects=objects), verdict
 
     def _told(self, objects: Float32) -> Float32:
-        """What is told of the objects without a body, [told, F]; `objects` [N, F] are the true
+        """The rows of objects without a body, [told, F]; `objects` [N, F] are the true
         ones."""
         told = []
         for block, row in zip(self.episode.blocks, objects[1:], strict=True):

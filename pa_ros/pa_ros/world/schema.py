@@ -88,7 +88,7 @@ class Seen:
     mean of them must be learned, and only a verifier that knows the truth can say.
 
     Objects without a body are not seen but told: one more feature for each value that they may
-    have. What is seen is zero for them, and what is told is zero for the others."""
+    have. Seen features of such objects are zero, as are told features of the others."""
 
     width: int  # number of features that are seen
     scale: float = 1.0  # network units per unit of the features
