@@ -2,7 +2,7 @@
 
 Every method learns from the same kind of batches: transitions of its own episodes, relabeled with
 training programs, property dropout included. Each keeps the settings of `ours` but for its rates;
-`--rates` multiplies them, by which every method was tuned alike. Scores are shares of episodes
+`--rates` multiplies them, so that every method can be tuned alike. Scores are shares of episodes
 that end satisfied, on layouts of each condition's own.
 """
 

@@ -198,7 +198,8 @@ def test_the_shipped_agent_reaches_what_a_program_names(text):
 
 
 def test_the_shipped_agent_reaches_what_a_camera_finds_by_tags():
-    """In a process of its own: pupil_apriltags damages the heap, which MALLOC_CHECK_=3 shows."""
+    """In a process of its own: `Detector.__del__` of pupil_apriltags uses memory that it has freed,
+    which MALLOC_PERTURB_=60 shows."""
     pytest.importorskip("pupil_apriltags", reason="needs the extra `tags`")
     code = f"import os, runpy; runpy.run_path({__file__!r})['reach_by_tags'](); os._exit(0)"
     path = os.pathsep.join(part for part in sys.path if part)

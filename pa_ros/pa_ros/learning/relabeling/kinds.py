@@ -13,8 +13,8 @@ from pa_ros.world.world import World
 
 
 class Kinds:
-    """All combinations of values that an object of a world can have, numbered; where objects are
-    seen, those of the others, which are told."""
+    """All combinations of values that an object of a world can have, numbered. Where a
+    camera sees blocks, only those of places."""
 
     def __init__(self, world: World) -> None:
         self._schema = world.schema

@@ -1,8 +1,8 @@
-"""Which objects programs may mean, where objects are seen and only the verifier knows their words.
+"""The blocks that programs may mean, where a camera sees blocks and only the verifier knows words.
 
-It says how far every training program is from holding. In `NEAR(AND(RED, CUBE), AND(BLUE, PLACE))`
-the words of places are told, so an object that is always as far from the blue place as the verifier
-says may be the red cube, if that is so of all programs that move the red cube or the hand to it.
+The verifier publishes how far every training program is from holding, and the words of places are
+known. A block may be the red cube of `NEAR(AND(RED, CUBE), AND(BLUE, PLACE))` if it is always as
+far from the blue place as the verifier says, in all programs that move the red cube or the hand.
 """
 
 from __future__ import annotations
@@ -12,22 +12,29 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.language import Program
+from pa_ros.learning.relabeling.all_goals import MAX_PROGRAMS
 from pa_ros.world import Scoring
 from pa_ros.world.measures import SAME
 from pa_ros.world.programs import ProgramTable, crisp_roles
 from pa_ros.world.world import World
 
 Bools = NDArray[np.bool_]
-MAX_PROGRAMS = 64  # bits
 
 
 class SeenSets:
-    """The sets of the P training programs in scenes of which only places are told."""
+    """The two sets of each of P training programs, in scenes where only the words of places are
+    known."""
 
     def __init__(self, programs: Sequence[Program], world: World, scoring: Scoring) -> None:
-        self._programs, self._world, self._scoring = programs[:MAX_PROGRAMS], world, scoring
+        if len(programs) > MAX_PROGRAMS:
+            raise ConfigError(
+                f"hindsight: expected at most {MAX_PROGRAMS} training programs where blocks are "
+                f"seen, got {len(programs)}"
+            )
+        self._programs, self._world, self._scoring = programs, world, scoring
         self._table = ProgramTable(world.vocabulary)
         for program in self._programs:
             self._table.add(program)
@@ -43,7 +50,9 @@ class SeenSets:
         apart: dict[str, Float64] = {}  # by noun: how far each object's measures are from its own
         for program, (_, places), measure in zip(self._programs, sets, measures.T, strict=True):
             noun = str(program.target if program.moves_hand else program.moved)
-            if program.moves_hand != places.any():  # else both sets are told, or both are seen
+            if (
+                program.moves_hand != places.any()
+            ):  # else both or none are known
                 own = self._own(program, places, objects, hand_pose)  # [T, N]
                 most = np.median(np.abs(own - measure[:, None]), axis=0)
                 most /= self._scoring.threshold(program.relation, not program.moves_hand)
