@@ -50,9 +50,7 @@ class SeenSets:
         apart: dict[str, Float64] = {}  # by noun: how far each object's measures are from its own
         for program, (_, places), measure in zip(self._programs, sets, measures.T, strict=True):
             noun = str(program.target if program.moves_hand else program.moved)
-            if (
-                program.moves_hand != places.any()
-            ):  # else both or none are known
+            if program.moves_hand != places.any():  # else both or none are known
                 own = self._own(program, places, objects, hand_pose)  # [T, N]
                 most = np.median(np.abs(own - measure[:, None]), axis=0)
                 most /= self._scoring.threshold(program.relation, not program.moves_hand)
