@@ -1,7 +1,6 @@
 """The arena's arm as a "real" one, for rehearsals with robot_node: joint_states, tf and a camera
 come out, joint velocities go in, and nothing else (docs/robot.md)."""
 
-import ctypes
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -37,35 +36,13 @@ SIZE, PICTURE_S = (1600, 1200), 0.2  # px; wall time between two pictures
 CAMERA_FRAME, VIEW = "camera_optical_frame", "above"
 
 
-class Family(ctypes.Structure):
-    """The first fields of AprilTag's `apriltag_family`: codes, and where their bits are."""
-
-    _fields_ = [
-        ("ncodes", ctypes.c_uint32),
-        ("codes", ctypes.POINTER(ctypes.c_uint64)),
-        ("width_at_border", ctypes.c_int),
-        ("total_width", ctypes.c_int),
-        ("reversed_border", ctypes.c_bool),
-        ("nbits", ctypes.c_uint32),
-        ("bit_x", ctypes.POINTER(ctypes.c_uint32)),
-        ("bit_y", ctypes.POINTER(ctypes.c_uint32)),
-    ]
-
-
 def tag_picture(number: int, pixels: int = 16) -> np.ndarray:
     """The sheet of AprilTag 36h11 `number`, white edge included, [height, width] grey."""
-    import pupil_apriltags
+    from cv2 import aruco
 
-    detector = pupil_apriltags.Detector(families="tag36h11")
-    address = ctypes.cast(detector.tag_families["tag36h11"], ctypes.c_void_p).value
-    family = Family.from_address(address)
-    whole, edge = family.total_width, (family.total_width - family.width_at_border) // 2
-    sheet = np.full((whole, whole), 255, np.uint8)
-    sheet[edge:-edge, edge:-edge] = 0
-    for i in range(family.nbits):
-        if family.codes[number] >> (family.nbits - 1 - i) & 1:
-            sheet[family.bit_y[i] + edge, family.bit_x[i] + edge] = 255
-    return sheet.repeat(pixels, 0).repeat(pixels, 1)
+    tags = aruco.getPredefinedDictionary(aruco.DICT_APRILTAG_36h11)
+    square = aruco.generateImageMarker(tags, number, 8)[::-1, ::-1]  # OpenCV's is upside down
+    return np.pad(square, 1, constant_values=255).repeat(pixels, 0).repeat(pixels, 1)
 
 
 def scene_of(number: int) -> Episode:

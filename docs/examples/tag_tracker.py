@@ -1,9 +1,9 @@
 """Finds AprilTags in the camera's pictures and publishes them to tf, as apriltag_ros does
-(docs/robot.md). Needs the extra `tags`."""
+(docs/robot.md). Needs the extra `camera`."""
 
+import cv2
 import mujoco
 import numpy as np
-import pupil_apriltags
 from rclpy.node import Node
 
 from pa_ros.core.experience import Body
@@ -15,8 +15,14 @@ from pa_ros.wire.views import encode_transforms
 FAMILY, TAG_M = "tag36h11", 0.05  # edge of the black square
 
 
-def finder() -> pupil_apriltags.Detector:
-    return pupil_apriltags.Detector(families=FAMILY, quad_decimate=1.0)
+DICTIONARY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+CORNERS = [(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)]  # of the black square, in half edges
+
+
+def finder() -> cv2.aruco.ArucoDetector:
+    settings = cv2.aruco.DetectorParameters()
+    settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    return cv2.aruco.ArucoDetector(DICTIONARY, settings)
 
 
 def find(
@@ -26,13 +32,15 @@ def find(
 
     As in apriltag_ros, a tag's x points right, y up, and z out of the tag.
     """
-    grey = np.ascontiguousarray(picture.mean(-1).astype(np.uint8))
-    camera = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
-    found = {}
-    for tag in detector.detect(grey, estimate_tag_pose=True, camera_params=camera, tag_size=tag_m):
-        turned, quaternion = tag.pose_R @ np.diag([1.0, -1.0, -1.0]), np.zeros(4)
-        mujoco.mju_mat2Quat(quaternion, turned.ravel())
-        found[tag.tag_id] = Body.at_rest(tag.pose_t.ravel(), np.roll(quaternion, -1))
+    corners, numbers, _ = detector.detectMarkers(picture.mean(-1).astype(np.uint8))
+    edges, found = np.array(CORNERS) * tag_m / 2, {}
+    for square, number in zip(corners, [] if numbers is None else numbers.ravel(), strict=True):
+        upright = np.roll(square[0], 2, 0)  # OpenCV's tags are AprilTag's turned by half a turn
+        method = cv2.SOLVEPNP_IPPE_SQUARE
+        _, turn, place = cv2.solvePnP(edges, upright, matrix, None, flags=method)
+        quaternion = np.zeros(4)
+        mujoco.mju_mat2Quat(quaternion, cv2.Rodrigues(turn)[0].ravel())
+        found[int(number)] = Body.at_rest(place.ravel(), np.roll(quaternion, -1))
     return found
 
 
