@@ -1,7 +1,8 @@
 """Which blob is of which object, in the next picture and in another camera's: nearest neighbours.
 
 Where the arm does not touch blocks, a hidden block stays where it was. Where the arm pushes blocks,
-it often hides the one that it pushes; `fitting` then estimates the block's position.
+it often hides the one that it pushes; `fitting` then estimates the block's position. A block that
+is seen elsewhere afterwards keeps its row.
 """
 
 from __future__ import annotations
@@ -15,10 +16,13 @@ import numpy as np
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.perception.blobs import Blob
 from pa_ros.perception.fitting import fitted
+from pa_ros.perception.looks import color
 from pa_ros.perception.view import Mask, View
 
 MOST = 15  # objects
 NEAR_M = 0.05  # a blob within this of a track is of the track
+AGAIN_M = 0.20  # a pushed block is found again at most so far from where it was expected
+SAME_COLOR = 0.15  # and its color differs by less, in shares of red, green and blue
 MOVED_M = 0.02  # a blob farther away than this from its track has moved
 NEWEST = 0.3  # weight of the newest position of what lies still
 TOUCH_M, LOW_M = 0.07, 0.12  # distance to a hand that touches a block, and its greatest height
@@ -68,18 +72,29 @@ class Tracker:
             track.age += 1
         taken: set[tuple[Track, int]] = set()
         parts: dict[Track, list[Blob]] = {}
+        pairs = [(track, blob) for track in self.tracks for blob in blobs]
+        near = {(track, blob.camera) for track, blob in pairs if _apart(track, blob) < NEAR_M}
         for blob in sorted(blobs, key=lambda blob: (blob.covered, blob.camera, -blob.area)):
-            near = [track for track in self.tracks if _apart(track, blob) < NEAR_M]
-            free = [track for track in near if (track, blob.camera) not in taken]
+            mine = [track for track in self.tracks if _apart(track, blob) < NEAR_M]
+            pushed = arm is not None and not mine
+            if pushed:  # perhaps a block near which this camera sees nothing
+                lost = [track for track in self.tracks if (track, blob.camera) not in near]
+                mine = [track for track in lost if _is_again(track, blob)]
+            free = [track for track in mine if (track, blob.camera) not in taken]
             if free:
                 track = min(free, key=lambda track: _apart(track, blob))
+                taken.add((track, blob.camera))
+                if pushed and track.age == 0:
+                    continue  # another camera sees where it is
+                if pushed:
+                    track.xy = track.before = blob.xy
                 _follow(track, blob)
-            elif near or len(self.tracks) == self._most:
+            elif mine or len(self.tracks) == self._most:
                 continue
             else:
                 track = Track(blob.xy, {blob.camera: blob})
                 self.tracks.append(track)
-            taken.add((track, blob.camera))
+                taken.add((track, blob.camera))
             parts.setdefault(track, []).append(blob)
         if arm is not None:
             for track in self.tracks:
@@ -88,6 +103,13 @@ class Tracker:
 
 def _apart(track: Track, blob: Blob) -> float:
     return float(np.linalg.norm(track.xy - blob.xy))
+
+
+def _is_again(track: Track, blob: Blob) -> bool:
+    """Whether a blob may be of a block that was pushed while it was hidden."""
+    known = next(iter(track.looks.values()))
+    other = np.linalg.norm(color(known) - color(blob))
+    return _apart(track, blob) < AGAIN_M and bool(other < SAME_COLOR)
 
 
 def _follow(track: Track, blob: Blob) -> None:
