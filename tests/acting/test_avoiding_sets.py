@@ -1,11 +1,11 @@
-"""Of the objects to be avoided, networks are shown one at a time, and none that is far away."""
+"""Networks are shown one of the objects to be avoided at a time, and none that is far away."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pa_ros.acting.actor import AVOIDED_WITHIN_M, NEARNESS_M, Actor
+from pa_ros.acting.actor import AVOIDED_WITHIN_M, EQUAL_M, NEARNESS_M, Actor
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.language import Program, satisfying
@@ -35,16 +35,15 @@ def test_each_near_object_of_a_set_is_avoided(condition: str, most: int) -> None
             distance = np.linalg.norm(objects[:, :3], axis=1)
             near = np.flatnonzero(avoided & (distance < AVOIDED_WITHIN_M))
             counts.add(len(near))
-            total, expected = 0.0, 0.0 * actor.act(observation, program)
+            left = replace(observation, objects=objects[~avoided])
+            total = np.exp(-EQUAL_M / NEARNESS_M)
+            expected = total * actor.act(left, program.relation_alone)
             for i in near:
                 shown = ~avoided
                 shown[i] = True
                 weight = np.exp(-distance[i] / NEARNESS_M)
                 only = replace(observation, objects=objects[shown])
-                total, expected = total + weight, expected + weight * actor.act(only, program)
-            if not len(near):
-                left = replace(observation, objects=objects[~avoided])
-                total, expected = 1.0, actor.act(left, program.relation_alone)
+                total, expected = total + weight, expected + weight * actor.infer(only, program)
             found = actor.act(replace(observation, objects=objects), program)
             np.testing.assert_allclose(found, expected / total, atol=1e-6)
     assert {0, most} <= counts

@@ -33,10 +33,10 @@ if TYPE_CHECKING:  # it loads torch, which the fused code does not need
 MEANT = 0.5  # an object is meant if its degree is this part of the greatest one, at least
 SURELY = 0.75  # the same where an agent goes for one: words that are undecided have half a degree
 STOPPED, FULL_SPEED = 0.6, 1.2  # parts of a relation's limit between which objects are moved slower
-AVOIDED_WITHIN_M = 0.50  # of the hand: what is farther away need not be avoided yet
-NEARNESS_M = (
-    0.10  # of objects to be avoided, one so much nearer than another counts e times as much
-)
+AVOIDED_WITHIN_M = 0.40  # of the hand: what is farther away is not avoided
+# Distance from the hand at which an object to be avoided counts as much as the goal, and change of
+# distance by which the one counts e times as much as the other.
+EQUAL_M, NEARNESS_M = 0.30, 0.02
 
 log = logging.getLogger(__name__)
 
@@ -169,17 +169,18 @@ class Actor:
 
     def _avoid(self, observation: Observation, program: Program, avoided: Expression) -> Float32:
         """The action of an agent that commits. Networks learn to avoid one object, and keep farther
-        away than they must. So they are shown one near object at a time, and the actions are
-        averaged; objects far from the hand are not shown."""
+        away than they must. So the action that avoids nothing and those that avoid one near object
+        each are averaged, the nearest objects most.
+        """
         meant = self._meant(observation)
         to_avoid = {*meant(Program(avoided))[1]} - {*chain(*meant(program))}
         distance = {i: float(np.linalg.norm(observation.objects[i, :3])) for i in sorted(to_avoid)}
         near = [i for i, metres in distance.items() if metres < AVOIDED_WITHIN_M]
-        if not near:
-            return self.infer(_without(observation, to_avoid), program.relation_alone, commits=True)
+        free = self.infer(_without(observation, to_avoid), program.relation_alone, commits=True)
         actions = [self.infer(_without(observation, to_avoid - {i}), program) for i in near]
-        weight = np.exp([-distance[i] / NEARNESS_M for i in near])
-        return np.asarray(weight / weight.sum() @ np.stack(actions), np.float32)
+        metres = np.array([EQUAL_M, *(distance[i] for i in near)])
+        weight = np.exp(-(metres - metres.min()) / NEARNESS_M)
+        return np.asarray(weight / weight.sum() @ np.stack([free, *actions]), np.float32)
 
     def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
         """p, [N]: the degree to which the program means each object.
