@@ -60,3 +60,16 @@ def test_a_block_is_at_the_pixel_to_which_it_projects(task: ReachTask, view, wid
     finally:
         camera.close()
     assert seen >= 12  # of 16
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_camera_that_goes_away_leaves_others_alone(task: ReachTask, closed: bool):
+    model, data = task.simulation.model, task.simulation.data
+    first, second = (Camera(model, "above", 64, 64) for _ in range(2))
+    before = second.of(model, data)
+    if closed:
+        first.close()
+    del first
+    assert before.std() > 10
+    np.testing.assert_array_equal(second.of(model, data), before)
+    second.close()

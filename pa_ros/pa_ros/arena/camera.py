@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 import os
 import warnings
+import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
@@ -127,6 +128,9 @@ class Camera:
             sized = _of_this_size(model, width, height, pictures.shadows)
             self._buffer = mujoco.MjrContext(sized, 100)
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._buffer)
+            # Without this, a camera that nobody closed would free what another one uses.
+            self._free = weakref.finalize(self, _free, self._gl, self._buffer)
+            self._free.atexit = False
         except Exception as error:  # each OpenGL back end raises its own errors
             _failures.append(
                 "expected offscreen OpenGL (MUJOCO_GL=egl or osmesa), got "
@@ -147,6 +151,7 @@ class Camera:
         """A picture of the last scene: RGB, [height, width, 3]."""
         # OpenGL's first row is the lowest one.
         upside_down = np.empty((self._rect.height, self._rect.width, 3), dtype=np.uint8)
+        self._gl.make_current()
         mujoco.mjr_render(self._rect, self._scene, self._buffer)
         mujoco.mjr_readPixels(upside_down, None, self._rect, self._buffer)
         picture = upside_down[::-1].copy()
@@ -157,7 +162,6 @@ class Camera:
 
     def of(self, model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.uint8]:
         """A picture of any state, at once. Other cameras may be used between two pictures."""
-        self._gl.make_current()
         self._update(model, data)
         return self.picture()
 
@@ -180,8 +184,13 @@ class Camera:
 
     def close(self) -> None:
         """Free the resources of OpenGL."""
-        self._buffer.free()
-        self._gl.free()
+        self._free()
+
+
+def _free(context: Any, buffer: mujoco.MjrContext) -> None:
+    context.make_current()
+    buffer.free()
+    context.free()
 
 
 def _context(width: int, height: int) -> Any:
