@@ -66,6 +66,14 @@ def test_a_calibration_survives_as_text_and_changes_its_digest_with_its_numbers(
     assert made.features({0: blob()}).any() and not channel(color(blob(rgb=(0, 1, 0)))).any()
 
 
+def test_a_part_of_an_object_tells_its_color_and_not_its_shape() -> None:
+    made, known = made_of(0), blob(round_=True)
+    width = made.widths["shape"]
+    whole, part = (made.features({0: replace(known, covered=hidden)}) for hidden in (False, True))
+    assert whole[:width].any() and not part[:width].any()
+    assert (whole[width:] == part[width:]).all()
+
+
 @pytest.mark.parametrize(
     "damage",
     [

@@ -21,7 +21,7 @@ from pa_ros.core.experience import Float32, Float64
 from pa_ros.core.settings import canonical_json, read_json
 from pa_ros.perception.blobs import Blob
 from pa_ros.perception.errors import PerceptionError
-from pa_ros.perception.looks import CHANNELS
+from pa_ros.perception.looks import CHANNELS, OF_ALL
 from pa_ros.world.schema import ObjectSchema, PropertyGroup, Seen
 
 FORMAT = 1  # of the text, and of the numbers that `looks` and `blobs` compute
@@ -144,13 +144,15 @@ class Cameras:
 
     def features(self, looks: Mapping[int, Blob]) -> Float32:
         """The properties of an object, from the look that each camera had at it, in the order of
-        the schema's columns; zero where a camera did not see it."""
+        the schema's columns; zero where a camera did not see it, or not enough of it."""
         found = []
         for name, look in CHANNELS.items():
             for number, camera in enumerate(self.each):
                 channel, blob = camera.channels[name], looks.get(number)
-                unseen = np.zeros(channel.width, np.float32)
-                found.append(unseen if blob is None else channel(look(blob)))
+                if blob is None or (blob.covered and name in OF_ALL):
+                    found.append(np.zeros(channel.width, np.float32))
+                else:
+                    found.append(channel(look(blob)))
         # The norm is that of one camera's features.
         return np.concatenate(found) / np.float32(len(self.each) ** 0.5)
 
