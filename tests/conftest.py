@@ -5,6 +5,9 @@ from collections.abc import Iterator
 
 import hypothesis
 import pytest
+
+os.environ["OMP_NUM_THREADS"] = "1"  # before NumPy is loaded; processes that tests start inherit it
+
 import torch
 
 from helpers.waiting import Clock
@@ -15,7 +18,6 @@ torch.set_num_threads(1)
 # On a busy machine a case may take long; tests never check how long.
 hypothesis.settings.register_profile("no deadline", deadline=None)
 hypothesis.settings.load_profile("no deadline")
-os.environ["OMP_NUM_THREADS"] = "1"  # for processes that tests start
 os.environ["ROS_DOMAIN_ID"] = UNMARKED = "a test without the marker `graph`"
 
 
