@@ -43,4 +43,6 @@ def _inside(blob: Blob) -> Float32:
 def _small(image: Float32) -> Float32:
     small = cv2.resize(image, (GRID, GRID), interpolation=cv2.INTER_AREA)
     return np.asarray(small, np.float32).ravel()
+
+
 OF_ALL = ("shape",)  # what is seen of a part of an object does not tell these

@@ -22,7 +22,7 @@ from pa_ros.perception.view import Mask, View
 MOST = 15  # objects
 NEAR_M = 0.05  # a blob within this of a track is of the track
 AGAIN_M = 0.20  # a pushed block is found again at most so far from where it was expected
-SAME_COLOR = 0.15  # and its color differs by less, in shares of red, green and blue
+SAME_COLOR = 0.25  # and its color differs by less, in shares of red, green and blue
 MOVED_M = 0.02  # a blob farther away than this from its track has moved
 NEWEST = 0.3  # weight of the newest position of what lies still
 TOUCH_M, LOW_M = 0.07, 0.12  # distance to a hand that touches a block, and its greatest height
@@ -70,39 +70,47 @@ class Tracker:
         arm."""
         for track in self.tracks:
             track.age += 1
-        taken: set[tuple[Track, int]] = set()
-        parts: dict[Track, list[Blob]] = {}
-        pairs = [(track, blob) for track in self.tracks for blob in blobs]
-        near = {(track, blob.camera) for track, blob in pairs if _apart(track, blob) < NEAR_M}
+        parts: dict[Track, dict[int, Blob]] = {track: {} for track in self.tracks}
+        elsewhere = []
         for blob in sorted(blobs, key=lambda blob: (blob.covered, blob.camera, -blob.area)):
-            mine = [track for track in self.tracks if _apart(track, blob) < NEAR_M]
-            pushed = arm is not None and not mine
-            if pushed:  # perhaps a block near which this camera sees nothing
-                lost = [track for track in self.tracks if (track, blob.camera) not in near]
-                mine = [track for track in lost if _is_again(track, blob)]
-            free = [track for track in mine if (track, blob.camera) not in taken]
-            if free:
-                track = min(free, key=lambda track: _apart(track, blob))
-                taken.add((track, blob.camera))
-                if pushed and track.age == 0:
-                    continue  # another camera sees where it is
-                if pushed:
-                    track.xy = track.before = blob.xy
+            near = [track for track in self.tracks if _apart(track, blob) < NEAR_M]
+            if free := [track for track in near if blob.camera not in parts[track]]:
+                track = _nearest(free, blob)
                 _follow(track, blob)
-            elif mine or len(self.tracks) == self._most:
-                continue
-            else:
-                track = Track(blob.xy, {blob.camera: blob})
-                self.tracks.append(track)
-                taken.add((track, blob.camera))
-            parts.setdefault(track, []).append(blob)
+                parts[track][blob.camera] = blob
+            elif not near:
+                elsewhere.append(blob)
+        for blob in elsewhere:
+            self._place(blob, parts, pushes=arm is not None)
         if arm is not None:
             for track in self.tracks:
-                _fit(track, parts.get(track, []), arm)
+                _fit(track, parts[track], arm)
+
+    def _place(self, blob: Blob, parts: dict[Track, dict[int, Blob]], pushes: bool) -> None:
+        """Take in a blob that is near no track: a new object, or one that was pushed unseen."""
+        near = [track for track in parts if _apart(track, blob) < NEAR_M]  # new ones
+        pushed = [track for track in parts if pushes and _is_again(track, blob)]
+        if free := [track for track in near or pushed if blob.camera not in parts[track]]:
+            track = _nearest(free, blob)
+            if not near and track.age == 0:
+                return  # another camera sees where it is
+            if not near:
+                track.xy = track.before = blob.xy
+            _follow(track, blob)
+        elif near or len(self.tracks) == self._most:
+            return
+        else:
+            track = Track(blob.xy, {blob.camera: blob})
+            self.tracks.append(track)
+        parts.setdefault(track, {})[blob.camera] = blob
 
 
 def _apart(track: Track, blob: Blob) -> float:
     return float(np.linalg.norm(track.xy - blob.xy))
+
+
+def _nearest(tracks: Sequence[Track], blob: Blob) -> Track:
+    return min(tracks, key=lambda track: _apart(track, blob))
 
 
 def _is_again(track: Track, blob: Blob) -> bool:
@@ -126,9 +134,8 @@ def _follow(track: Track, blob: Blob) -> None:
         track.looks[blob.camera], track.properties = blob, None
 
 
-def _fit(track: Track, blobs: Sequence[Blob], arm: PushingArm) -> None:
-    """Move a track that no blob shows whole to the position that explains its blobs best."""
-    seen = {blob.camera: blob for blob in blobs}
+def _fit(track: Track, seen: dict[int, Blob], arm: PushingArm) -> None:
+    """Move a track that no camera's blob shows whole to the position that explains them best."""
     whole = {camera: blob for camera, blob in seen.items() if not blob.covered}
     track.whole |= whole
     if not whole:
