@@ -42,6 +42,7 @@ SEEDS = {
     "programmable-3D": "3-D, fast arm",
     "programmable-3D.paper-arm": "3-D, slow arm",
     "programmable-3D-exact": "3-D without spare words",
+    "camera-3D": "3-D, seen by a camera",
     "distilled-2L": "2-L, distilled critic",
     "distilled-3D": "3-D, distilled critic",
     "canonical-2L": "2-L, canonical",
@@ -195,7 +196,7 @@ def solve_frames(label: str) -> str:
     if len(frames) < 3 or not math.isfinite(median(frames)):
         known = sorted(f for f in frames if math.isfinite(f))
         return ", ".join(f"{f:,.0f}" for f in known) or NOTHING
-    return f"{median(frames):,.0f} ({span(frames, ',.0f')})"
+    return f"{median(frames):,.0f} ({span(frames, ',.0f')})".replace("inf", "never")
 
 
 def seeds() -> str:
