@@ -13,8 +13,6 @@ from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.views import encode_transforms
 
 FAMILY, TAG_M = "tag36h11", 0.05  # edge of the black square
-
-
 DICTIONARY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 CORNERS = [(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)]  # of the black square, in half edges
 
@@ -36,8 +34,7 @@ def find(
     edges, found = np.array(CORNERS) * tag_m / 2, {}
     for square, number in zip(corners, [] if numbers is None else numbers.ravel(), strict=True):
         upright = np.roll(square[0], 2, 0)  # OpenCV's tags are AprilTag's turned by half a turn
-        method = cv2.SOLVEPNP_IPPE_SQUARE
-        _, turn, place = cv2.solvePnP(edges, upright, matrix, None, flags=method)
+        _, turn, place = cv2.solvePnP(edges, upright, matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
         quaternion = np.zeros(4)
         mujoco.mju_mat2Quat(quaternion, cv2.Rodrigues(turn)[0].ravel())
         found[int(number)] = Body.at_rest(place.ravel(), np.roll(quaternion, -1))
