@@ -34,8 +34,8 @@ MEANT = 0.5  # an object is meant if its degree is this part of the greatest one
 SURELY = 0.75  # the same where an agent goes for one: words that are undecided have half a degree
 STOPPED, FULL_SPEED = 0.6, 1.2  # parts of a relation's limit between which objects are moved slower
 AVOIDED_WITHIN_M = 0.40  # of the hand: what is farther away is not avoided
-# Distance from the hand at which an object to be avoided counts as much as the goal, and change of
-# distance by which the one counts e times as much as the other.
+# At this distance from the hand, an object to be avoided counts as much as the goal; nearer by the
+# second length, it counts e times as much.
 EQUAL_M, NEARNESS_M = 0.30, 0.02
 
 log = logging.getLogger(__name__)
@@ -176,11 +176,11 @@ class Actor:
         to_avoid = {*meant(Program(avoided))[1]} - {*chain(*meant(program))}
         distance = {i: float(np.linalg.norm(observation.objects[i, :3])) for i in sorted(to_avoid)}
         near = [i for i, metres in distance.items() if metres < AVOIDED_WITHIN_M]
-        free = self.infer(_without(observation, to_avoid), program.relation_alone, commits=True)
+        heedless = self.infer(_without(observation, to_avoid), program.relation_alone, commits=True)
         actions = [self.infer(_without(observation, to_avoid - {i}), program) for i in near]
-        metres = np.array([EQUAL_M, *(distance[i] for i in near)])
-        weight = np.exp(-(metres - metres.min()) / NEARNESS_M)
-        return np.asarray(weight / weight.sum() @ np.stack([free, *actions]), np.float32)
+        distances = np.array([EQUAL_M, *(distance[i] for i in near)])
+        weight = np.exp((distances.min() - distances) / NEARNESS_M)
+        return np.asarray(weight / weight.sum() @ np.stack([heedless, *actions]), np.float32)
 
     def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
         """p, [N]: the degree to which the program means each object.

@@ -129,8 +129,8 @@ class Camera:
             self._buffer = mujoco.MjrContext(sized, 100)
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._buffer)
             # Without this, a camera that nobody closed would free what another one uses.
-            self._free = weakref.finalize(self, _free, self._gl, self._buffer)
-            self._free.atexit = False
+            self._finalizer = weakref.finalize(self, _free, self._gl, self._buffer)
+            self._finalizer.atexit = False
         except Exception as error:  # each OpenGL back end raises its own errors
             _failures.append(
                 "expected offscreen OpenGL (MUJOCO_GL=egl or osmesa), got "
@@ -184,7 +184,7 @@ class Camera:
 
     def close(self) -> None:
         """Free the resources of OpenGL."""
-        self._free()
+        self._finalizer()
 
 
 def _free(context: Any, buffer: mujoco.MjrContext) -> None:

@@ -21,7 +21,7 @@ from pa_ros.core.experience import Float32, Float64
 from pa_ros.core.settings import canonical_json, read_json
 from pa_ros.perception.blobs import Blob
 from pa_ros.perception.errors import PerceptionError
-from pa_ros.perception.looks import CHANNELS, OF_ALL
+from pa_ros.perception.looks import CHANNELS, NEEDS_ALL
 from pa_ros.world.schema import ObjectSchema, PropertyGroup, Seen
 
 FORMAT = 1  # of the text, and of the numbers that `looks` and `blobs` compute
@@ -149,7 +149,7 @@ class Cameras:
         for name, look in CHANNELS.items():
             for number, camera in enumerate(self.each):
                 channel, blob = camera.channels[name], looks.get(number)
-                if blob is None or (blob.covered and name in OF_ALL):
+                if blob is None or (blob.covered and name in NEEDS_ALL):
                     found.append(np.zeros(channel.width, np.float32))
                 else:
                     found.append(channel(look(blob)))

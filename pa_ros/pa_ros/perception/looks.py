@@ -45,4 +45,4 @@ def _small(image: Float32) -> Float32:
     return np.asarray(small, np.float32).ravel()
 
 
-OF_ALL = ("shape",)  # what is seen of a part of an object does not tell these
+NEEDS_ALL = ("shape",)  # a part of an object does not tell these

@@ -115,9 +115,10 @@ def _nearest(tracks: Sequence[Track], blob: Blob) -> Track:
 
 def _is_again(track: Track, blob: Blob) -> bool:
     """Whether a blob may be of a block that was pushed while it was hidden."""
+    if _apart(track, blob) >= AGAIN_M:
+        return False
     known = next(iter(track.looks.values()))
-    other = np.linalg.norm(color(known) - color(blob))
-    return _apart(track, blob) < AGAIN_M and bool(other < SAME_COLOR)
+    return bool(np.linalg.norm(color(known) - color(blob)) < SAME_COLOR)
 
 
 def _follow(track: Track, blob: Blob) -> None:

@@ -87,8 +87,8 @@ class Seen:
     """Numbers that a sensor makes of an object, such as a camera's. They tell no word: what words
     mean of them must be learned, and only a verifier that knows the truth can say.
 
-    Objects without a body are not seen but told: one more feature for each value that they may
-    have. Seen features of such objects are zero, as are told features of the others."""
+    Objects without a body are not seen. One more feature for each value that they may have says
+    what they are. Their seen features are zero; of all other objects, these are."""
 
     width: int  # number of features that are seen
     scale: float = 1.0  # network units per unit of the features
