@@ -29,6 +29,7 @@ from pa_ros.world.programs import ProgramTable
 from pa_ros.world.world import World
 
 Bools = NDArray[np.bool_]
+Bits = NDArray[np.uint8]  # eight programs in each, the first one in the lowest bit
 
 RARITY = 8.0  # against one other program, such a program is drawn once in nine times
 
@@ -84,23 +85,25 @@ class Hindsight:
             self._joined[i, j] = self._joined[j, i] = row
         self._world, self._scoring, self._config = world, scoring, config
         kinds = Kinds(world)
-        self._sets = kinds.sets(self._table)[: len(programs)]  # [P, 2, kinds]
+        sets = kinds.sets(self._table)[: len(programs)]  # [P, 2, kinds]
+        self._count = len(programs)
+        self._sets: Bits = np.packbits(sets, axis=0, bitorder="little")  # [P / 8, 2, kinds]
         self._body = world.schema.bodies(kinds.features)  # [kinds]
         self._seen = None if world.schema.tells_words else SeenSets(programs, world, scoring)
         self._relations = self._table.relations()
         self._hand_moves = np.array([p.moves_hand for p in self.programs])
+        self._of_hand: Bits = np.packbits(self._hand_moves[: len(programs)], bitorder="little")
         # A target that has a body is not moved afterwards, so hardly any transition satisfies a
         # program that names it. Agents did not learn where these were drawn as often as others.
-        to_place = (self._sets[:, 1] & ~self._body).any(-1)
-        to_body = ~to_place & ~self._hand_moves[: len(programs)]
-        self._rarity = np.where(to_body, RARITY, 1.0)  # exponents of random keys, [P]
+        to_place = (sets[:, 1] & ~self._body).any(-1)
+        self._rare = ~to_place & ~self._hand_moves[: len(programs)]  # [P]
 
     def masks(self, trajectory: Trajectory) -> GoalMasks:
         """What a replay buffer must store of a trajectory where objects are seen; LearningError
         (learning.unjudged) without the verifier's measures."""
         if self._seen is None:
             return NO_GOALS
-        measures = published(trajectory.measures, len(trajectory) + 1, len(self._sets))
+        measures = published(trajectory.measures, len(trajectory) + 1, self._count)
         poses = trajectory.arm[:, -POSE_WIDTH:]
         sets = self._seen(trajectory.objects, trajectory.hand_index, poses, measures)
         bits = np.uint64(1) << np.arange(len(sets), dtype=np.uint64)
@@ -112,20 +115,22 @@ class Hindsight:
         index, block = self._rows(rng, replay, size)
         drawn = Transitions(replay, index)
         every = np.arange(size)
-        # The sets are [P, 2, N, B], since the reductions are fast along first axes.
         sets, bodies = self._sets_of(replay, index)
-        fits = np.all(np.any(sets, 2), 1).T  # [B, P]
-        about = np.any(sets[:, :, block, every], 1).T
+        named, of_block = np.bitwise_or.reduce(sets, 2), sets[:, :, block, every]  # [P / 8, 2, B]
+        fits = self._programs(named[:, 0] & named[:, 1])
+        about = self._programs(of_block[:, 0] | of_block[:, 1])
         wanted = fits & (about | (block == HAND_INDEX)[:, None])
         # No program is about the block that moved: then any that fits the scene.
         wanted = np.where(wanted.any(-1, keepdims=True), wanted, fits)
-        program = _one_of(rng.random(wanted.shape) ** self._rarity, wanted)
-        chosen = sets[program, :, :, every]  # [B, 2, N]
+        keys = rng.random(wanted.shape)
+        keys[:, self._rare] **= RARITY
+        program = _one_of(keys, wanted)
+        chosen = _of_program(sets, program, every)
         # At times also another program that fits, joined by OR.
         others = fits & (self._joined[program] >= 0)
         rows = np.flatnonzero(others.any(-1) & (rng.random(size) < self._config.either))
         other = _one_of(rng.random((len(rows), others.shape[1])), others[rows])
-        chosen[rows] |= sets[other, :, :, rows]
+        chosen[rows] |= _of_program(sets, other, rows)
         program[rows] = self._joined[program[rows], other]
         self._move_places(rng, replay, drawn, chosen, bodies, block)
         known = fits.any(-1)
@@ -148,23 +153,24 @@ class Hindsight:
             block[about_moved] = (which * rng.random(which.shape)).argmax(-1)
         return index, block
 
-    def _sets_of(self, replay: ReplayBuffer, index: Int64) -> tuple[Bools, Bools]:
-        """The two sets of every program in rows [B], [P, 2, N, B], and what has a body, [B, N]."""
+    def _sets_of(self, replay: ReplayBuffer, index: Int64) -> tuple[Bits, Bools]:
+        """The two sets of every program in rows [B], [P / 8, 2, N, B], and what has a body,
+        [B, N]."""
         if self._seen is not None:
-            bits = replay.arrays["sets"][index].T  # [2, N, B]
-            rows = np.arange(len(self._sets), dtype=np.uint64)[:, None, None, None]
-            sets, bodies = (
-                (bits >> rows & np.uint64(1)).astype(np.bool_),
-                replay.arrays["body"][index],
-            )
+            bits = replay.arrays["sets"][index]  # [B, N, 2]
+            octets = bits.astype("<u8").view(np.uint8).reshape(*bits.shape, 8)
+            sets, bodies = octets.T[: len(self._of_hand)].copy(), replay.arrays["body"][index]
         else:
             kinds = replay.arrays["kind"][index]  # [B, N]
             sets, bodies = self._sets.take(kinds.T, -1), self._body[kinds]
-        sets[:, :, HAND_INDEX] = False
-        of_hand = self._hand_moves[: len(sets)]
-        sets[of_hand, 0] = False
-        sets[of_hand, 0, HAND_INDEX] = True
+        sets[:, 0] &= ~self._of_hand[:, None, None]
+        sets[:, 0, HAND_INDEX], sets[:, 1, HAND_INDEX] = self._of_hand[:, None], 0
         return sets, bodies
+
+    def _programs(self, bits: Bits) -> Bools:
+        """Which programs have their bit set, [B, P], of [P / 8, B]."""
+        flags = np.unpackbits(bits, axis=0, count=self._count, bitorder="little")
+        return flags.T.astype(np.bool_)
 
     def _move_places(
         self,
@@ -211,21 +217,28 @@ class Hindsight:
         """Rewards [B] by the verifier's rule, of programs with their sets [B, 2, N]."""
         reward = np.zeros(len(program), np.float32)
         hand_moves, relation = self._hand_moves[program], self._relations[program]
-        pairs, objects, hands = sets.argmax(-1), drawn.next_objects, drawn.next_hand
-        named = np.array([[False, True]])  # of the two objects of a pair
-        single = (sets.sum(-1) == 1).all(-1)
+        pairs, hands = sets.argmax(-1), drawn.next_hand
+        poses = drawn.next_objects[..., :POSE_WIDTH]
+        single = (sets.sum(-1, dtype=np.uint8) == 1).all(-1)
         for row, name in enumerate(self._world.relations):
             for of_hand in (True, False):
                 asked = (relation == row) & (hand_moves == of_hand)
                 rows = np.flatnonzero(asked & single)  # these score two objects, not all
-                two = objects[rows[:, None], pairs[rows]]
-                moved = None if of_hand else ~named
-                reward[rows] = self._scoring(named, two, name, hands[rows], moved).reward
+                two = poses[rows[:, None], pairs[rows]]
+                moved = None if of_hand else two[:, :1]
+                measure = self._scoring.measures(name, two[:, 1:], hands[rows], moved)[:, 0]
+                reward[rows] = self._scoring.of_measure(measure, name, not of_hand).reward
                 rows = np.flatnonzero(asked & ~single)
                 moved = None if of_hand else sets[rows, 0]
-                score = self._scoring(sets[rows, 1], objects[rows], name, hands[rows], moved)
+                score = self._scoring(sets[rows, 1], poses[rows], name, hands[rows], moved)
                 reward[rows] = score.reward
         return reward
+
+
+def _of_program(sets: Bits, program: NDArray[np.int32], rows: Int64) -> Bools:
+    """The sets [P / 8, 2, N, B] of one program for each of some rows, [rows, 2, N]."""
+    bits = sets[program >> 3, :, :, rows] >> (program & 7).astype(np.uint8)[:, None, None]
+    return (bits & 1).astype(np.bool_)
 
 
 def _one_of(keys: Float64, wanted: Bools) -> NDArray[np.int32]:

@@ -35,12 +35,18 @@ def in_base(hand: Float64, poses: Float64) -> Float64:
 
 def in_hand(hand: Float64, poses: Float64) -> Float64:
     """The inverse of `in_base`: poses [..., 7] in the frame of the hand, with qw >= 0."""
-    back = hand[..., 3:] * (-1.0, -1.0, -1.0, 1.0)  # the inverse of the hand's orientation
-    away = poses[..., :3] - hand[..., :3]
-    away = np.concatenate([away, np.zeros((*away.shape[:-1], 1))], -1)
-    place = times(times(back, away), hand[..., 3:])[..., :3]
-    turned = times(back, poses[..., 3:])
-    return np.concatenate([place, turned * np.copysign(1.0, turned[..., 3:])], -1)
+    hx, hy, hz, a, b, c, w = (hand[..., i] for i in range(POSE_WIDTH))
+    x, y, z = poses[..., 0] - hx, poses[..., 1] - hy, poses[..., 2] - hz
+    # The inverse of the hand's orientation, times x y z.
+    i, j, k = w * x - b * z + c * y, w * y + a * z - c * x, w * z - a * y + b * x
+    r = a * x + b * y + c * z
+    result = np.empty(np.broadcast_shapes(hand.shape, poses.shape))
+    result[..., 0] = r * a + i * w + j * c - k * b
+    result[..., 1] = r * b - i * c + j * w + k * a
+    result[..., 2] = r * c + i * b - j * a + k * w
+    turned = times(hand[..., 3:] * (-1.0, -1.0, -1.0, 1.0), poses[..., 3:])
+    result[..., 3:] = turned * np.copysign(1.0, turned[..., 3:])
+    return result
 
 
 def objects_from_poses(

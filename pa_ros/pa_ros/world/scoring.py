@@ -81,17 +81,16 @@ class Scoring:
         be named (see `world.programs.crisp`). The relation holds between some moved object and
         another named one.
         """
-        threshold = self.threshold(relation, between=moved is not None)
         if moved is not None:
             pair = self._nearest(moved, named, relation, objects, hand_pose)
-            return self._score(pair, threshold, REWARDED)
+            return self.of_measure(pair, relation, between=True)
         measures = self.measures(relation, objects, hand_pose)
         # An object that is not named counts as infinitely far, so a program that names none is not
         # satisfied.
         nearest: Float64 = np.array(inf)
         for i in range(objects.shape[-2]):  # faster than reducing a short axis
             nearest = np.minimum(nearest, np.where(named[..., i], measures[..., i], inf))
-        return self._score(nearest, threshold)
+        return self.of_measure(nearest, relation)
 
     def of_targets(
         self,
@@ -103,14 +102,13 @@ class Scoring:
     ) -> Score:
         """Score one state [N, F], given the indices of the named and the moved objects: the same
         bits as for many states, but faster, and as numbers."""
-        threshold = self.threshold(relation, between=moved is not None)
         if moved is None:
             measures = self.measures(relation, objects, hand_pose).tolist()
-            return self._score(min([measures[i] for i in targets], default=inf), threshold)
+            return self.of_measure(min([measures[i] for i in targets], default=inf), relation)
         pairs = [(i, j) for i in moved for j in targets if i != j]
         first, second = objects[[i for i, _ in pairs]], objects[[j for _, j in pairs]]
         measures = self.measures(relation, second, hand_pose, first).tolist()
-        return self._score(min(measures, default=inf), threshold, REWARDED)
+        return self.of_measure(min(measures, default=inf), relation, between=True)
 
     def threshold(self, relation: str, between: bool = False) -> float:
         """The threshold of a relation of the hand, or `between` two objects; ConfigError lists the
@@ -151,6 +149,7 @@ class Scoring:
 
         `hand_pose` is as for scores, with as many dimensions as one object's features have.
         """
+        self.threshold(relation)  # raises an error for an unknown one
         poses, meant, hand = objects[..., :POSE_WIDTH].astype(np.float64), RELATIONS[relation], None
         if meant.frame == "base" and hand_pose is not None:
             # Agents receive float32, and relabeling has no more precision than that.
@@ -158,6 +157,8 @@ class Scoring:
         first = None if moved is None else moved[..., :POSE_WIDTH].astype(np.float64)
         return meant.measures(poses, hand, first)
 
-    def _score(self, measure: Any, threshold: float, rewarded: float = 1.0) -> Score:
-        reward = self.reward(measure <= rewarded * threshold, measure)
-        return Score(measure, measure <= threshold, reward)
+    def of_measure(self, measure: Any, relation: str = NEAR, between: bool = False) -> Score:
+        """Score measures [...] of a relation of the hand, or `between` two objects."""
+        threshold = self.threshold(relation, between)
+        rewarded = REWARDED * threshold if between else threshold
+        return Score(measure, measure <= threshold, self.reward(measure <= rewarded, measure))
