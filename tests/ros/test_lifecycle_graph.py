@@ -1,5 +1,8 @@
 """Managed nodes: transitions, rejections, parameters, and what cleanup destroys."""
 
+import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -18,6 +21,32 @@ from pa_ros.ros.health import OK, WARN
 from pa_ros.ros.lifecycle import ManagedNode
 
 pytestmark = pytest.mark.graph
+
+BURST = 20
+SPEAKER = f"""
+import sys
+from pa_ros.core.extensions import NodeSettings
+from pa_ros.ros import topics
+from pa_ros.ros.lifecycle import ManagedNode
+from pa_ros.ros.node_main import run_node
+
+class Speaker(ManagedNode):
+    def __init__(self):
+        super().__init__("speaker", NodeSettings)
+
+    def configure(self):
+        self.out = topics.TRAJECTORIES.publisher(self)
+
+    def cleanup(self):
+        large = topics.TRAJECTORIES.type(objects=[0.0] * 400_000)
+        for _ in range({BURST}):
+            self.out.publish(large)
+
+    def collect(self):
+        return 0, "at work", {{}}
+
+sys.exit(run_node("speaker", Speaker))
+"""
 
 
 class Config(NodeSettings):
@@ -185,6 +214,15 @@ def test_a_failure_at_the_start_is_raised(number: int, error: type[PaError]) -> 
 def test_an_active_node_deactivates_and_cleans_up_when_it_is_closed(user: User) -> None:
     assert user.node.close() == 0 and user.node.state == "finalized"
     assert user.node.asked[-2:] == ["deactivate", "cleanup"]
+
+
+def test_what_a_node_publishes_as_it_ends_arrives() -> None:
+    """A process that has ended sends nothing again."""
+    with graph() as probe, subprocess.Popen([sys.executable, "-c", SPEAKER]) as speaker:
+        assert probe.until(lambda: "/speaker" in probe.health)
+        probe.until(lambda: False, 0.5)  # so that it has discovered all of the probe's readers
+        speaker.send_signal(signal.SIGINT)
+        assert probe.until(lambda: probe.count(topics.TRAJECTORIES) == BURST)
 
 
 def test_a_bug_in_a_transition_ends_the_node_which_saves_what_it_can(user: User) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lifecycle_msgs import srv
+from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from pa_ros.core.errors import PaError
@@ -23,6 +24,7 @@ from pa_ros.wire import Message
 from pa_ros.wire.services import decode_transition
 from pa_ros.wire.signing import SIGNED, Checker, Signer, read_key
 
+RECEIVED_S = 1.0
 LIFECYCLE_SERVICES = {
     "get_state": srv.GetState,
     "get_available_states": srv.GetAvailableStates,
@@ -230,9 +232,18 @@ class ManagedNode(LifecycleNode, ABC):
         try:
             if configured:
                 how()
+                self._wait_until_received()
         finally:
             self.active = False
             self._destroy_configured()
+
+    def _wait_until_received(self) -> None:
+        """Wait until reliable subscribers have what was published, at most RECEIVED_S: a publisher
+        that is destroyed sends nothing again."""
+        deadline = time.monotonic() + RECEIVED_S
+        for publisher in self.publishers:
+            left = max(deadline - time.monotonic(), 0.0)
+            publisher.wait_for_all_acked(Duration(seconds=left))
 
     def _destroy_configured(self) -> None:
         """Destroy what was made since `configure`; parameters may be set again."""
