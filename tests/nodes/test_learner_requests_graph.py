@@ -24,9 +24,10 @@ def test_a_learning_agent_waits_for_weights_beyond_the_policy_lag() -> None:
         speaker.publish(encode_weights(published(0)))
         probe.speaker(topics.LEARNER_INFO).publish(encode_learner_info(LEARNER))
         assert probe.until(lambda: "stuck at 0" in probe.message("agent_node"))
+        # They are sent again: perhaps nobody received them.
+        assert probe.until(lambda: probe.count(topics.TRAJECTORIES) > 2)
         trajectories = [decode_trajectory(m, WORLD) for m in probe.heard["trajectories"]]
         assert {s.sequence for s in trajectories} == {0, 1}  # lag 1: one more than the weights
-        assert len(trajectories) > 2  # sent again: perhaps nobody received them
         assert all(s.policy_version == 0 and len(s) == 10 for s in trajectories)
         assert "trajectories before 1" in probe.message("agent_node")
         _, node = probe.nodes
