@@ -65,11 +65,13 @@ def hindsight(**shares: float) -> Hindsight:
 
 def places(drawn: Transitions) -> tuple[np.ndarray, np.ndarray]:
     """The place's positions in the base's frame, before and after, [B, 3] each."""
-    before, after = (
-        in_base(hand, objects[:, PLACE, :7].astype(float))[:, :3]
-        for hand, objects in ((drawn.hand, drawn.objects), (drawn.next_hand, drawn.next_objects))
-    )
-    return before, after
+    after = position(drawn.next_arm, drawn.next_objects, PLACE)
+    return position(drawn.arm, drawn.objects, PLACE), after
+
+
+def position(arm: np.ndarray, objects: np.ndarray, which: int) -> np.ndarray:
+    """An object's position in the base's frame, [B, 3]; the hand's pose ends the arm's features."""
+    return in_base(arm[:, -7:].astype(float), objects[:, which, :7].astype(float))[:, :3]
 
 
 def test_rewards_are_the_verifiers_of_the_moved_places(replay: ReplayBuffer) -> None:
@@ -98,7 +100,7 @@ def test_a_place_moves_to_where_the_moved_block_later_was(replay: ReplayBuffer) 
     before, after = places(drawn)
     np.testing.assert_allclose(before, after, atol=1e-5)  # in the base's frame it rests
     rows = np.flatnonzero(drawn.program == TEXTS.index("NEAR(CUBE, PLACE)"))
-    cube = in_base(drawn.next_hand, drawn.next_objects[:, CUBE, :7].astype(float))[:, :3]
+    cube = position(drawn.next_arm, drawn.next_objects, CUBE)
     ahead = (before - cube)[rows]  # the cube goes along x
     assert (ahead[:, 0] > -0.15).all() and (np.abs(ahead[:, 1]) < 0.15).all()
     assert ahead[:, 0].mean() > 0.3
@@ -106,7 +108,7 @@ def test_a_place_moves_to_where_the_moved_block_later_was(replay: ReplayBuffer) 
 
 def test_a_place_may_move_to_where_another_block_was(replay: ReplayBuffer) -> None:
     drawn = hindsight(moved=1, future=1, cross=1).draw(np.random.default_rng(1), replay, 300)
-    sphere = in_base(drawn.hand, drawn.objects[:, SPHERE, :7].astype(float))[:, :3]
+    sphere = position(drawn.arm, drawn.objects, SPHERE)
     rows = np.flatnonzero(drawn.program == TEXTS.index("NEAR(CUBE, PLACE)"))
     assert (np.linalg.norm(places(drawn)[0] - sphere, axis=-1)[rows] < 0.15).all()
 

@@ -40,24 +40,15 @@ class Transitions:
     def __init__(self, replay: ReplayBuffer, index: Int64) -> None:
         arrays, following = replay.arrays, replay.following(index)
         self.index = index
-        self.objects, self.next_objects = arrays["objects"][index], arrays["objects"][following]
-        self.arm, self.next_arm = arrays["arm"][index], arrays["arm"][following]
+        objects, arm = arrays["objects"], arrays["arm"]
+        self.objects, self.next_objects = objects.take(index, 0), objects.take(following, 0)
+        self.arm, self.next_arm = arm.take(index, 0), arm.take(following, 0)
         self.program: NDArray[np.int32] = arrays["program"][index]
         self.reward: Float32 = arrays["reward"][index]
 
     def scenes(self, part: slice) -> tuple[Float32, Float32, Float32, Float32]:
         """Objects and arm of some of them, before and after."""
         return self.objects[part], self.arm[part], self.next_objects[part], self.next_arm[part]
-
-    @property
-    def hand(self) -> Float64:
-        """The hand's poses before, [B, 7]."""
-        return _hand(self.arm)
-
-    @property
-    def next_hand(self) -> Float64:
-        """The hand's poses after, [B, 7]."""
-        return _hand(self.next_arm)
 
 
 class Hindsight:
@@ -207,31 +198,31 @@ class Hindsight:
         later %= replay.capacity
         there = replay.arrays["objects"][later, who, :POSE_WIDTH].astype(np.float64)
         there = in_base(_hand(replay.arrays["arm"][later]), there)[:, :2]
-        hand = drawn.hand[rows]
+        hand, next_hand = _hand(drawn.arm[rows]), _hand(drawn.next_arm[rows])
         pose = in_base(hand, drawn.objects[rows, place, :POSE_WIDTH].astype(np.float64))
         pose[:, :2] = there + rng.normal(0.0, config.spread, there.shape)
         drawn.objects[rows, place, :POSE_WIDTH] = in_hand(hand, pose)
-        drawn.next_objects[rows, place, :POSE_WIDTH] = in_hand(drawn.next_hand[rows], pose)
+        drawn.next_objects[rows, place, :POSE_WIDTH] = in_hand(next_hand, pose)
 
     def _reward(self, drawn: Transitions, program: NDArray[np.int32], sets: Bools) -> Float32:
         """Rewards [B] by the verifier's rule, of programs with their sets [B, 2, N]."""
-        reward = np.zeros(len(program), np.float32)
+        size, _, n_objects = sets.shape
+        reward, nearest = np.zeros(size, np.float32), np.full(size, np.inf)
+        poses, hands = drawn.next_objects[..., :POSE_WIDTH], _hand(drawn.next_arm)
         hand_moves, relation = self._hand_moves[program], self._relations[program]
-        pairs, hands = sets.argmax(-1), drawn.next_hand
-        poses = drawn.next_objects[..., :POSE_WIDTH]
-        single = (sets.sum(-1, dtype=np.uint8) == 1).all(-1)
-        for row, name in enumerate(self._world.relations):
+        pairs = sets[:, 0, :, None] & sets[:, 1, None] & ~np.eye(n_objects, dtype=np.bool_)
+        row, first, second = np.nonzero(pairs)
+        for number, name in enumerate(self._world.relations):
             for of_hand in (True, False):
-                asked = (relation == row) & (hand_moves == of_hand)
-                rows = np.flatnonzero(asked & single)  # these score two objects, not all
-                two = poses[rows[:, None], pairs[rows]]
-                moved = None if of_hand else two[:, :1]
-                measure = self._scoring.measures(name, two[:, 1:], hands[rows], moved)[:, 0]
-                reward[rows] = self._scoring.of_measure(measure, name, not of_hand).reward
-                rows = np.flatnonzero(asked & ~single)
-                moved = None if of_hand else sets[rows, 0]
-                score = self._scoring(sets[rows, 1], poses[rows], name, hands[rows], moved)
-                reward[rows] = score.reward
+                asked = (relation == number) & (hand_moves == of_hand)
+                part = np.flatnonzero(asked[row])
+                rows = row[part]
+                moved = None if of_hand else poses[rows, first[part], None]
+                objects = poses[rows, second[part], None]
+                measures = self._scoring.measures(name, objects, hands[rows], moved)
+                np.minimum.at(nearest, rows, measures[:, 0])
+                score = self._scoring.of_measure(nearest[asked], name, between=not of_hand)
+                reward[asked] = score.reward
         return reward
 
 
