@@ -64,12 +64,7 @@ def export_lerobot(
         check_movie(folder / "film.mp4")
     if folder.exists():
         raise BagError(f"export: {folder} already exists: name another folder")
-    fps = round(1 / arena.control_period)
-    if abs(fps * arena.control_period - 1) > 1e-6:
-        raise BagError(
-            "export: lerobot: expected a whole number of frames per second, got a period of "
-            f"{arena.control_period} s"
-        )
+    fps = _frames_per_second(arena)
     wanted = [episode for episode in found if numbers is None or episode.number in numbers]
     chosen = [episode for episode in wanted if _whole(episode)]
     left_out = tuple(episode.number for episode in wanted if not _whole(episode))
@@ -79,15 +74,8 @@ def export_lerobot(
     tasks = {t: k for k, t in enumerate(dict.fromkeys(r.program for e in chosen for r in e.rows))}
     start, rows, frames_of = 0, list[dict[str, Any]](), list[Columns]()
     for number, episode in enumerate(chosen):
-        columns = _columns(episode, objects)
+        columns = _columns(episode, objects) | _indices(episode, number, start, fps, tasks)
         frames = len(columns["action"])
-        columns |= {
-            "timestamp": (np.arange(frames) / fps).astype(np.float32),
-            "frame_index": np.arange(frames),
-            "episode_index": np.full(frames, number),
-            "index": np.arange(start, start + frames),
-            "task_index": np.array([tasks[row.program] for row in episode.rows[:-1]]),
-        }
         statistics = {name: _statistics(values) for name, values in columns.items()}
         row = {
             "episode_index": number,
@@ -110,11 +98,10 @@ def export_lerobot(
         start += frames
     joined = {name: np.concatenate([c[name] for c in frames_of]) for name in columns}
     _write_table(folder / f"data/{_file(0)}.parquet", joined)
-    features = _features(columns, arena, side_px, fps)
     _write_rows(folder / f"meta/episodes/{_file(0)}.parquet", rows)
     _write_tasks(folder / "meta/tasks.parquet", tasks)
     write_whole(folder / "meta/stats.json", json.dumps(_joined(rows), indent=1))
-    info = {
+    about = {
         "codebase_version": VERSION,
         "robot_type": arena.arm,
         "total_episodes": len(chosen),
@@ -127,10 +114,35 @@ def export_lerobot(
         "splits": {"train": f"0:{len(chosen)}"},
         "data_path": f"data/{CHUNK}.parquet",
         "video_path": None if side_px is None else f"videos/{{video_key}}/{CHUNK}.mp4",
-        "features": features,
+        "features": _features(columns, arena, side_px, fps),
     }
-    write_whole(folder / "meta/info.json", json.dumps(info, indent=1))
+    write_whole(folder / "meta/info.json", json.dumps(about, indent=1))
     return Written(len(chosen), start, left_out)
+
+
+def _frames_per_second(arena: ArenaDescription) -> int:
+    fps = round(1 / arena.control_period)
+    if abs(fps * arena.control_period - 1) > 1e-6:
+        raise BagError(
+            "export: lerobot: expected a whole number of frames per second, got a period of "
+            f"{arena.control_period} s"
+        )
+    return fps
+
+
+def _indices(
+    episode: RecordedEpisode, number: int, start: int, fps: int, tasks: Mapping[str, int]
+) -> Columns:
+    """Where each frame of an episode is: in time, in it, and among all, of which `start` precede
+    it."""
+    frames = len(episode.rows) - 1
+    return {
+        "timestamp": (np.arange(frames) / fps).astype(np.float32),
+        "frame_index": np.arange(frames),
+        "episode_index": np.full(frames, number),
+        "index": np.arange(start, start + frames),
+        "task_index": np.array([tasks[row.program] for row in episode.rows[:-1]]),
+    }
 
 
 def _whole(episode: RecordedEpisode) -> bool:
