@@ -31,7 +31,6 @@ CHUNK = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 PER_CHUNK = 1000  # films
 CAMERA = "observation.images.top"
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
-INDICES = ("timestamp", "frame_index", "episode_index", "index", "task_index")
 
 Columns = dict[str, NDArray[Any]]
 Statistics = dict[str, dict[str, list[Any]]]
