@@ -1,8 +1,6 @@
 """Relabeling against the verifier's own definition, one transition and one program at a time."""
 
 from collections import Counter
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +9,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.language import Vocabulary, parse, satisfying
 from pa_ros.learning.errors import LearningError
 from pa_ros.learning.relabeling.all_goals import MAX_PROGRAMS, GoalMasks, Relabeler
-from pa_ros.world import Reward, Scoring
+from pa_ros.world import Scoring
 from pa_ros.world.measures import ProgramMeasures
 from pa_ros.world.schema import COLORS, PAPER, SHAPES, ObjectSchema, PropertyGroup, Seen
 from pa_ros.world.world import World
@@ -131,14 +129,6 @@ def test_the_64th_program_has_its_bit() -> None:
         np.random.default_rng(0), np.zeros(1, np.int32), np.zeros(1, np.float32), masks, 49
     )
     assert sorted(drawn[0]) == list(range(15, 64)) and (rewards == 1.0).all()
-
-
-@dataclass(frozen=True)
-class Closeness(Reward):
-    """Depends on the measure, so relabeling stores numbers, not bits."""
-
-    def __call__(self, satisfied: Any, measure: Any) -> Any:
-        return 2.0 - measure
 
 
 @pytest.mark.parametrize("count", [0, MAX_PROGRAMS + 1])
