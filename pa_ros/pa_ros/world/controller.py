@@ -160,6 +160,8 @@ class HandController:
             above = (velocity > 0) & (joint_position > upper - self.SLACK_RAD)
             below = (velocity < 0) & (joint_position < lower + self.SLACK_RAD)
             free = ~(above | below)
+            if free.all():
+                break
             rows = rows * free
         return np.asarray(velocity * free)
 
