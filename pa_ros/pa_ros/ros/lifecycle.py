@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -241,9 +242,10 @@ class ManagedNode(LifecycleNode, ABC):
         """Wait until reliable subscribers have what was published, at most RECEIVED_S: a publisher
         that is destroyed sends nothing again."""
         deadline = time.monotonic() + RECEIVED_S
-        for publisher in self.publishers:
-            left = max(deadline - time.monotonic(), 0.0)
-            publisher.wait_for_all_acked(Duration(seconds=left))
+        with suppress(RuntimeError):  # rcl's own, of a middleware that cannot tell
+            for publisher in self.publishers:
+                left = max(deadline - time.monotonic(), 0.0)
+                publisher.wait_for_all_acked(Duration(seconds=left))
 
     def _destroy_configured(self) -> None:
         """Destroy what was made since `configure`; parameters may be set again."""
