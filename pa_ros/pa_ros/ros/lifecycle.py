@@ -25,7 +25,7 @@ from pa_ros.wire import Message
 from pa_ros.wire.services import decode_transition
 from pa_ros.wire.signing import SIGNED, Checker, Signer, read_key
 
-RECEIVED_S = 1.0
+RECEIVED_S = 1.0  # wall time in which the last messages of a node must arrive
 LIFECYCLE_SERVICES = {
     "get_state": srv.GetState,
     "get_available_states": srv.GetAvailableStates,
