@@ -88,7 +88,7 @@ class ControllerOutput:
 class RelevanceMarkers:
     """Adds a shell around each block to the arena's markers, as opaque as p, for viewers.
 
-    It subscribes to the markers, to learn the blocks' shapes, only while somebody else does.
+    While somebody else subscribes to the markers, it does too, to learn the blocks' shapes.
     """
 
     def __init__(self, node: AgentNode) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.learning_agent import LearningAgent
@@ -22,32 +21,30 @@ Status = tuple[int, str]  # level and message for /diagnostics
 
 
 class AgentStatus:
-    """Says OK only while the agent acts. The node writes down what happened when.
+    """Says OK only while the agent acts. The node writes down what happened when, in seconds of
+    `time.monotonic`."""
 
-    Times are those of `clock`, in seconds.
-    """
-
-    def __init__(self, stuck_after_s: float, clock: Callable[[], float] = time.monotonic) -> None:
-        self.observed_at = clock()  # a step arrived
-        self.step_at = clock()  # a step was taken in, and acted on or waited with
-        self.commanded_at = clock()  # a command was sent
+    def __init__(self, stuck_after_s: float) -> None:
+        self.observed_at = time.monotonic()  # a step arrived
+        self.step_at = time.monotonic()  # a step was taken in, and acted on or waited with
+        self.commanded_at = time.monotonic()  # a command was sent
         self.step_refusal = ""  # why a step since `step_at` was refused
         self.has_program = True  # whether a program was in force at the newest step
-        self._stuck_after_s, self._clock = stuck_after_s, clock
+        self._stuck_after_s = stuck_after_s
         self._warning, self._warned_at = "", -math.inf
 
     def restart(self) -> None:
         """Start all times anew: the agent was activated."""
-        self.observed_at = self.step_at = self.commanded_at = self._clock()
+        self.observed_at = self.step_at = self.commanded_at = time.monotonic()
 
     def warn(self, warning: str) -> None:
         """Report a warning for REPORTED_S."""
-        self._warning, self._warned_at = warning, self._clock()
+        self._warning, self._warned_at = warning, time.monotonic()
 
     @property
     def idle_s(self) -> float:
         """Time since the newest command."""
-        return self._clock() - self.commanded_at
+        return time.monotonic() - self.commanded_at
 
     def state(
         self,
@@ -80,9 +77,9 @@ class AgentStatus:
         return None
 
     def _no_step(self) -> Status | None:
-        age_s = self._clock() - self.observed_at
+        age_s = time.monotonic() - self.observed_at
         reason = self.step_refusal
-        if reason and age_s < REPORTED_S and self._clock() - self.step_at > QUIET_S:
+        if reason and age_s < REPORTED_S and time.monotonic() - self.step_at > QUIET_S:
             return WARN, f"takes in no step: {reason}"
         if age_s > QUIET_S:
             return WARN, "waits for observations (object_features): has sim_node ended or paused?"
@@ -94,5 +91,5 @@ class AgentStatus:
                 f"acts with version {agent.version}, but its learner takes in no trajectories "
                 f"({len(agent.unaccounted)} wait); does learner_node run?"
             )
-        recent = self._clock() - self._warned_at < REPORTED_S
+        recent = time.monotonic() - self._warned_at < REPORTED_S
         return (WARN, self._warning) if recent else None

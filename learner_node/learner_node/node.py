@@ -53,7 +53,7 @@ class LearnerNode(ManagedNode):
         self.worker: LearnerWorker | None = None
         self._early: list[Message] = []  # trajectories that arrived before arena_info
         self._failure: PaError | None = None  # why it can't learn about the followed arena
-        self._status, self._rates = LearnerStatus(), RateMeter()
+        self._status = LearnerStatus()
         self._weights_out = self.advertise(topics.POLICY_WEIGHTS)
         self._info_out = self.advertise(topics.LEARNER_INFO)
         self._provenance_out = self.advertise(topics.PROVENANCE)
@@ -176,7 +176,7 @@ class LearnerNode(ManagedNode):
         if not self.active:
             return  # its agent keeps a trajectory until weights account for it, and sends it again
         if self.worker is None:
-            # A played bag sends nothing again, and its arena_info may arrive after trajectories.
+            # A bag that is played sends nothing again, and its arena_info may come later.
             if len(self._early) == EARLY_TRAJECTORIES:
                 raise LearningError(
                     f"trajectories: expected arena_info before more than {EARLY_TRAJECTORIES} of "
@@ -271,15 +271,14 @@ class LearnerNode(ManagedNode):
 class RateMeter:
     """Frames and updates per second, between the last two calls of `update`."""
 
-    def __init__(self, metrics: Mapping[str, float] | None = None) -> None:
+    def __init__(self, metrics: Mapping[str, float]) -> None:
         self.frames_per_s = self.updates_per_s = 0.0
-        self._at, self._before = time.monotonic(), dict(metrics or {})
+        self._at, self._before = time.monotonic(), dict(metrics)
 
     def update(self, metrics: Mapping[str, float]) -> None:
         """Measure since the call before."""
         elapsed_s = max(time.monotonic() - self._at, 1e-9)
         self.frames_per_s, self.updates_per_s = (
-            (metrics[name] - self._before.get(name, 0.0)) / elapsed_s
-            for name in ("frames", "updates")
+            (metrics[name] - self._before[name]) / elapsed_s for name in ("frames", "updates")
         )
         self._at, self._before = time.monotonic(), dict(metrics)

@@ -43,7 +43,6 @@ __version__ = "0.2.0"
 __all__ = ["Arena", "Arm", "Result", "evaluate", "load", "make_arena", "train"]
 
 HOLD_STEPS = 5
-ENDLESS = 2**31 - 1  # steps of an episode
 
 
 @dataclass(frozen=True)
@@ -150,6 +149,7 @@ class Arena:
 
     def __init__(self, design: str, arm: str, preset: str, seed: int, perception: str) -> None:
         from pa_ros.arena import design_named, preset_named
+        from pa_ros.core.experience import ENDLESS
         from pa_ros.perception import task_seen
 
         blocks = design_named(design)

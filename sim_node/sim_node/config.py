@@ -15,12 +15,12 @@ from pa_ros.arena import (
     condition_named,
 )
 from pa_ros.arena.camera import CameraConfig
+from pa_ros.core.experience import ENDLESS
 from pa_ros.core.extensions import NodeSettings
 from pa_ros.perception import TOLD
 from pa_ros.world import reward_from
 
 LONGEST_S = 1e6  # of any period; 11 days
-ENDLESS = 2**31 - 1  # steps; 6.8 years at 10 Hz
 LAST_EPISODE = 2**62  # that one may begin with; those after it fit a message, too
 
 
@@ -28,18 +28,19 @@ class SimConfig(NodeSettings, ArenaChoice):
     """One arena on the graph."""
 
     mode: Literal["lockstep", "real_time"] = Field(
-        "lockstep", description="what paces it: answers to its observations, or the clock"
+        "lockstep", description="lockstep: each command is one step of it; real_time: the clock"
     )
     seed: int = Field(0, ge=0, description="of all episodes")
-    blocks: int = Field(0, ge=0, description="on the table; 0: as the design says")
-    condition: str = Field("train", description="that episodes are drawn from")
+    blocks: int = Field(0, ge=0, description="number of blocks on the table; 0: the design's")
+    condition: str = Field("train", description="condition of the training episodes")
     perception: str = Field(
         TOLD,
         description="what blocks are: told, or seen by new cameras above (camera), in a corner, "
         "or both, or by the cameras of this checkpoint",
     )
     program_source: Literal["generator", "topic"] = Field(
-        "generator", description="topic: execute what comes, in a scene that stays"
+        "generator",
+        description="generator: it draws programs; topic: programs are sent, for one scene",
     )
     episode_steps: int = Field(
         0, ge=0, le=ENDLESS, description="0: the preset's; without end where programs come by topic"
@@ -53,10 +54,8 @@ class SimConfig(NodeSettings, ArenaChoice):
     eval_every_episodes: int = Field(
         0, ge=0, description="a greedy episode after every so many training episodes; 0: none"
     )
-    eval_condition: str = Field("eval", description="that greedy episodes are drawn from")
-    paused: bool = Field(
-        False, description="from the start, until set_simulation_state says PLAYING"
-    )
+    eval_condition: str = Field("eval", description="condition of the greedy episodes")
+    paused: bool = Field(False, description="start paused, until set_simulation_state says PLAYING")
     real_time_factor: float = Field(
         1.0, ge=0.01, le=100, description="simulation time per wall time, in real time"
     )
@@ -76,15 +75,11 @@ class SimConfig(NodeSettings, ArenaChoice):
     def _can_be(self) -> Self:
         """ConfigError for an unknown condition or reward, or a number of blocks that cannot be."""
         reward_from(self.reward)
-        for condition in (self.condition, *self.evaluations):
-            self.condition_of(condition)
+        self.condition_of(self.condition)
+        if self.eval_every_episodes:
+            self.condition_of(self.eval_condition)
         self.arena_config()
         return self
-
-    @property
-    def evaluations(self) -> tuple[str, ...]:
-        """Conditions of the greedy episodes, if there are any."""
-        return (self.eval_condition,) if self.eval_every_episodes else ()
 
     def design_of(self) -> Design:
         """The design, with this number of blocks."""

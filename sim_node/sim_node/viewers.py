@@ -1,7 +1,7 @@
 """What people look at, published only while somebody subscribes, and outside the control steps.
 
 The arm's description, poses and markers for RViz; samples of the current step for tools that need
-not see every step; pictures of a camera, and what an arena that sees found in its own.
+not see every step; pictures of a camera, and of an arena that sees, with what it found.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from pa_ros.arena.urdf import urdf
 from pa_ros.core.experience import Body, Step
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
+from pa_ros.ros.topics import Topic
 from pa_ros.wire import Message
 from pa_ros.wire.step import encode_clock, encode_joints, encode_step, encode_verdict
 from pa_ros.wire.views import (
@@ -148,21 +149,22 @@ class StepViews:
     """Each step's joints, verdict and time for tools, while somebody subscribes."""
 
     def __init__(self, arena: SimNode, joint_names: tuple[str, ...]) -> None:
-        joints, verdict, clock = (
-            (topic.publisher(arena), topic.type())  # the message is filled again at each step
-            for topic in (topics.JOINT_STATES, topics.VERDICT, topics.CLOCK)
+        encoders: tuple[tuple[Topic, Callable[[Step, Message], Message]], ...] = (
+            (
+                topics.JOINT_STATES,
+                lambda step, into: encode_joints(step.observation, joint_names, into),
+            ),
+            (topics.VERDICT, encode_verdict),
+            (topics.CLOCK, lambda step, into: encode_clock(step.observation.stamp_ns, into)),
         )
-        self._views: tuple[tuple[Any, Callable[[Step], Message]], ...] = (
-            (joints[0], lambda step: encode_joints(step.observation, joint_names, joints[1])),
-            (verdict[0], lambda step: encode_verdict(step, verdict[1])),
-            (clock[0], lambda step: encode_clock(step.observation.stamp_ns, clock[1])),
-        )
+        # Each message is filled again at each step.
+        self._views = [(one.publisher(arena), one.type(), encode) for one, encode in encoders]
 
     def publish(self, step: Step) -> None:
         """Publish the views of a step."""
-        for publisher, encode in self._views:
+        for publisher, message, encode in self._views:
             if publisher.get_subscription_count():
-                publisher.publish(encode(step))
+                publisher.publish(encode(step, message))
 
 
 class Samples:

@@ -18,7 +18,6 @@ from pa_ros.wire.arena import ArenaDescription, decode_arena_info
 from pa_ros.wire.diagnostics import Health, decode_diagnostics
 from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.learning import decode_learner_info, decode_trajectory_key, decode_weights
-from pa_ros.wire.step import decode_joints
 
 TROUBLE: Final = ("refused", "duplicate", "missing", "lost", "rejected", "interrupted", "holds")
 STRANGER: Final = "stranger"  # the id in forged messages
@@ -155,7 +154,7 @@ class Observer:
         stamp = header_stamp(message)
         self.steps += stamp != self._stamp
         self._stamp = stamp
-        self.positions.append((time.monotonic(), decode_joints(message, ())[0]))
+        self.positions.append((time.monotonic(), np.array(message.position)))
 
     def _on_features(self, message: Message) -> None:
         self.last["object_features"] = message

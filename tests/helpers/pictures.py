@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pa_ros.arena import ReachTask, RenderError, design_named, preset_named
-from pa_ros.arena.render import render
+from pa_ros.arena.render import draw
 
 
 def opengl() -> None:
@@ -22,7 +22,7 @@ def _missing() -> str:
     task = ReachTask(preset_named("fast"), design_named("2-L"), seed=0)
     task.reset(0)
     try:
-        render(task.simulation, 16, 16)
+        draw(task, 16, rendered=True)
     except RenderError as error:
         return str(error)
     return ""

@@ -7,7 +7,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from helpers.rejections import rejected
 from pa_ros.wire.fields import write_vector
-from pa_ros.wire.views import decode_pose, encode_outlines
+from pa_ros.wire.robot import decode_tracked
+from pa_ros.wire.views import encode_outlines
 
 POSE = np.array([0.1, -2.0, 0.3, 0.5, -0.5, 0.5, 0.5])
 
@@ -21,7 +22,7 @@ def posed(numbers: np.ndarray) -> PoseStamped:
 
 
 def test_a_measured_pose_gets_a_unit_quaternion():
-    frame, pose = decode_pose(posed(POSE * (1, 1, 1, 1.05, 1.05, 1.05, 1.05)))
+    frame, _, pose, _ = decode_tracked(posed(POSE * (1, 1, 1, 1.05, 1.05, 1.05, 1.05)), "cup")
     assert frame == "world"
     np.testing.assert_allclose(pose, POSE)
 
@@ -34,7 +35,7 @@ def test_impossible_poses_are_rejected(index, value, code):
     pose = POSE.copy()
     pose[index] = value
     with rejected(code):
-        decode_pose(posed(pose))
+        decode_tracked(posed(pose), "cup")
 
 
 @pytest.mark.parametrize("number", [-1, 2, 2**31 - 1])

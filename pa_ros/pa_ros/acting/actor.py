@@ -30,9 +30,13 @@ from pa_ros.world.scoring import Score, Scoring
 if TYPE_CHECKING:  # it loads torch, which the fused code does not need
     from pa_ros.networks.inference import Inference
 
-MEANT = 0.5  # an object is meant if its degree is this part of the greatest one, at least
-SURELY = 0.75  # the same where an agent goes for one: words that are undecided have half a degree
-STOPPED, FULL_SPEED = 0.6, 1.2  # parts of a relation's limit between which objects are moved slower
+# A program means every object whose degree is at least this share of the greatest degree; to choose
+# one of them, the share is greater, since undecided words give about half a degree.
+MEANT, SURELY = 0.5, 0.75
+STOPPED, FULL_SPEED = (
+    0.6,
+    1.2,
+)  # of a relation's limit: pushing stops at one, is slower up to the other
 AVOIDED_WITHIN_M = 0.40  # of the hand: what is farther away is not avoided
 # At this distance from the hand, an object to be avoided counts as much as the goal; nearer by the
 # second length, it counts e times as much.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from pydantic import Field
@@ -61,12 +60,3 @@ class Schedule(Settings):
     def versions_kept(self) -> int:
         """How many of the newest versions a learner can still be asked for."""
         return self.policy_lag + 1
-
-
-@dataclass(frozen=True)
-class ActingConfig:
-    """The learner's settings that an agent needs."""
-
-    schedule: Schedule = Schedule()
-    exploration: ExplorationConfig = ExplorationConfig()
-    inference: Literal["auto", "torch"] = "auto"  # auto: the fused code where it applies

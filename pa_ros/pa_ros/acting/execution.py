@@ -99,9 +99,8 @@ class ExecutionWatch:
         first_ns = self._first_ns
         if first_ns is None:
             return Execution(False, inf, None, 0.0, ended)
-        satisfied = self._near_since_ns is not None and ended not in ("replaced", "violated")
-        reached_s = None
-        if satisfied and self._near_since_ns is not None:
-            reached_s = (self._near_since_ns - first_ns) / 1e9
+        near_ns = None if ended in ("replaced", "violated") else self._near_since_ns
+        reached_s = None if near_ns is None else (near_ns - first_ns) / 1e9
         watched_s = (self._last_ns - first_ns) / 1e9
+        satisfied = near_ns is not None
         return Execution(satisfied, self.distance, reached_s, watched_s, ended, self.stage)

@@ -25,9 +25,9 @@ class SendWindow:
     """The rule of a learning agent, for one learner's run.
 
     Trajectory m is acted by the first weights that account for all trajectories before
-    m − policy_lag. For the first trajectories that rule names no weights; they are acted as if this
-    agent had made every version up to the learner's start, so a resumed run continues as if it had
-    never stopped.
+    m − policy_lag. For the first trajectories that rule names no weights. The agent then counts all
+    versions up to the learner's start as its own, so a resumed run continues as if it had never
+    stopped.
 
     Sent trajectories are kept until weights account for them. If the learner lost some that are no
     longer kept (it was killed, and resumed from an earlier checkpoint), they are given up: each
@@ -38,6 +38,7 @@ class SendWindow:
         """`first_sequence`: number of the first trajectory for this run."""
         self.learner = learner
         self.lost = 0  # trajectories given up
+        self.stalled = False  # the agent does not wait, and the learner accepts nothing
         self.overtaken = False  # the learner has trajectories in its name that it never sent
         self._agent = agent
         self._first = self._next = self._given_up = first_sequence
@@ -49,11 +50,6 @@ class SendWindow:
     def unaccounted(self) -> list[Trajectory]:
         """Trajectories that may have to be sent again, ready to be sent."""
         return [self._as_held(trajectory) for trajectory in self._sent]
-
-    @property
-    def stalled(self) -> bool:
-        """Whether the learner accepts nothing although the agent acts on without waiting."""
-        return False
 
     def add(self, trajectory: Trajectory) -> Trajectory:
         """Keep the next trajectory until it is accounted for. Returns it ready to be sent."""
@@ -148,11 +144,6 @@ class FreeSendWindow(SendWindow):
     def __init__(self, agent: AgentKey, first_sequence: int, learner: LearnerInfo) -> None:
         super().__init__(agent, first_sequence, learner)
         self._oldest_before = -1  # oldest unaccounted trajectory, one resend period ago
-        self._stalled = False
-
-    @property
-    def stalled(self) -> bool:
-        return self._stalled
 
     def add(self, trajectory: Trajectory) -> Trajectory:
         self._sent.append(trajectory)
@@ -178,6 +169,6 @@ class FreeSendWindow(SendWindow):
 
     def overdue(self, waited: bool) -> list[Trajectory]:
         oldest = self._held_from if self._sent else -1
-        self._stalled = oldest >= 0 and oldest == self._oldest_before
+        self.stalled = oldest >= 0 and oldest == self._oldest_before
         self._oldest_before = oldest
-        return self.unaccounted[:RESENT_AT_ONCE] if self._stalled else []
+        return self.unaccounted[:RESENT_AT_ONCE] if self.stalled else []

@@ -228,7 +228,7 @@ def avoiding(
     condition: Condition, design: Design, program: Program, target: Kind, rng: np.random.Generator
 ) -> tuple[Program, list[Kind]]:
     """A program with a set to avoid, as a condition says, and the blocks that the set needs."""
-    if condition.avoided and rng.random() >= condition.avoiding:
+    if rng.random() >= condition.avoiding:
         return program, []
     others = [kind for kind in condition.avoided if kind != target]
     count = 2 if condition.avoids == "or" else 1

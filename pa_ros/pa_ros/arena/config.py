@@ -106,8 +106,8 @@ class ArenaConfig(Settings):
         return self
 
 
-# The arm adds its speeds to each preset. In `fast` the arm passes through blocks (but touches the
-# table); learning then needs the fewest frames. In `paper` it pushes them.
+# Each preset also sets the arm's joint speeds. In `fast` the arm passes through blocks (but touches
+# the table); learning then needs the fewest frames. In `paper` it pushes them.
 #
 # The presets `push…` are for programs that move blocks: the fast arm or the slow one, which touches
 # blocks, with actions that are velocities of the hand, or of the joints.

@@ -254,8 +254,8 @@ def _near(
     rng: np.random.Generator,
     places: Sequence[Spot] = (),
 ) -> Spot | None:
-    """A spot at one of these distances of another (None: at any), within the arm's reach and apart
-    from blocks and places; None if none was found."""
+    """A random spot in the arm's reach, whose distance from `spot` is in `distances` (None: any),
+    away from blocks and places; None if no try succeeded."""
     arm = ARMS[config.arm]
     (low, high), (first, last) = arm.block_radii_m, arm.block_angles
     for _ in range(SPOT_TRIES):
@@ -299,8 +299,8 @@ def _distractors(
 def _close_places(
     config: ArenaConfig, order: NDArray[np.intp], close: bool, rng: np.random.Generator
 ) -> list[Spot]:
-    """Places in the order of blocks; if `close`, of which the first two chosen are not far apart:
-    a target, and what is to be avoided."""
+    """Spots for the blocks, in their order. If `close`, the target and the first block to avoid are
+    near each other."""
     for _ in range(PLACEMENT_TRIES):
         spots = _places(config, len(order), rng)
         if not close:

@@ -61,10 +61,7 @@ def rearrange(
         if gaps and min(gaps) < APART_M:
             text = f"expected at least {APART_M} m to every other block, got {min(gaps):.3f} m"
             raise _scene_error(f"pose: {text}")
-    episode = replace(
-        task.episode,
-        blocks=tuple(resting),
-    )
+    episode = replace(task.episode, blocks=tuple(resting))
     poses = np.array([[*body.position, *np.roll(body.quaternion, 1)] for body in placed])
     twists = np.array([[*body.linear, *body.angular] for body in placed])
     task.rearrange(episode, poses, twists)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import closing
 
 import numpy as np
@@ -11,30 +10,21 @@ from numpy.typing import NDArray
 from pa_ros.arena.camera import CLOSE, Camera, Pictures
 from pa_ros.arena.model import TABLE_SIDE_M
 from pa_ros.arena.references import nearest_pair
-from pa_ros.arena.simulation import Simulation
 from pa_ros.arena.task import ReachTask
 from pa_ros.core.experience import Float64
 from pa_ros.world.relation import RELATIONS
 
-VIEW = "overview"
 _INCH_PX = 100
 
 
 def draw(task: ReachTask, width: int, rendered: bool) -> NDArray[np.uint8]:
-    """A picture of the current scene with marked targets: in perspective, [3/4 width, width, 3] RGB
-    (RenderError without OpenGL), or from above, [width, width, 3]."""
+    """A picture of the current scene: in perspective with a ring around each named object, [3/4
+    width, width, 3] RGB (RenderError without OpenGL), or from above, [width, width, 3]."""
     if not rendered:
         return top_view(task, width)
-    return render(task.simulation, width, width * 3 // 4, task.verifier.named, CLOSE)
-
-
-def render(
-    simulation: Simulation, width: int, height: int, marked: Sequence[int] = (), view: str = VIEW
-) -> NDArray[np.uint8]:
-    """A rendered picture of the current scene, [height, width, 3] RGB, with a ring on the table
-    around each `marked` object. Raises RenderError without OpenGL."""
-    with closing(Camera(simulation.model, view, width, height, Pictures(shadows=True))) as camera:
-        camera.look(simulation, marked)
+    size, looks = (width, width * 3 // 4), Pictures(shadows=True)
+    with closing(Camera(task.simulation.model, CLOSE, *size, looks)) as camera:
+        camera.look(task.simulation, task.verifier.named)
         return camera.picture()
 
 

@@ -97,10 +97,10 @@ class GoalVerifier:
         unknown relation."""
         require_possible(goal, _words(kinds), HAND_INDEX, schema.bodiless)
         self._scoring, self._schema, self._watch = scoring, schema, GoalWatch(goal)
-        self.meet(kinds)
+        self.replace_blocks(kinds)
 
-    def meet(self, kinds: Sequence[Kind]) -> None:
-        """Go on with other blocks; programs may name nothing now."""
+    def replace_blocks(self, kinds: Sequence[Kind]) -> None:
+        """Continue with other blocks; a program may then name none of them."""
         own = kinds, self._scoring, self._schema
         self.verifier_of = lru_cache(None)(lambda program: Verifier(program, *own))
         for program in self._watch.stages:  # raises for a wrong one now
@@ -231,7 +231,7 @@ class ReachTask:
         self.simulation.rearrange(episode, poses, twists)
         self._episode = episode
         kinds = [block.kind for block in episode.blocks]
-        self._goal.meet(kinds)
+        self._goal.replace_blocks(kinds)
         self._note_named()
 
     def close(self) -> None:

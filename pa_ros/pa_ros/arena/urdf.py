@@ -56,9 +56,8 @@ def _joint(
         limited = bool(model.jnt_limited[first])
         kind = "revolute" if limited else "continuous"
         joint = _child(robot, "joint", name=model.joint(first).name, type=kind)
-        reference = model.qpos0[
-            model.jnt_qposadr[first]
-        ]  # MuJoCo's body frame is turned by the reference
+        # MuJoCo's frame of a body is turned by the joint's reference angle.
+        reference = model.qpos0[model.jnt_qposadr[first]]
         pose = _turned(pose, model.jnt_axis[first], -reference)
         _child(joint, "axis", xyz=_text(model.jnt_axis[first]))
         low, high = model.jnt_range[first] if limited else (-np.pi, np.pi)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.experience import TRAJECTORIES, recorded_world
 from pa_ros.bags.reader import Bag
-from pa_ros.core.experience import Float32, Float64, Step
+from pa_ros.core.experience import Float32, Float64, Observation, Step
 from pa_ros.wire.learning import decode_trajectory
 from pa_ros.wire.step import Command, decode_command, decode_step
 from pa_ros.world import Trajectory
@@ -42,6 +42,20 @@ class Row:
     distance: float = float("nan")  # m, to the nearest object that the program names
     stage: int = 0  # of a goal over time: which of its programs is pursued
     satisfied: bool | None = None  # None: not recorded
+
+    @classmethod
+    def of(cls, seen: Observation, program: str) -> Self:
+        """The row of an observation, with the program in force."""
+        return cls(
+            seen.step,
+            seen.stamp_ns,
+            seen.objects,
+            seen.hand_index,
+            program,
+            seen.joint_position,
+            seen.joint_velocity,
+            hand_pose=seen.hand_pose,
+        )
 
     @property
     def looks(self) -> bytes:
@@ -193,16 +207,7 @@ class _Builder:
         if newest is None or not same or seen.step <= newest.rows[-1].step:
             newest = RecordedEpisode(seen.episode, step.evaluation)
             self._open.append(newest)
-        row = Row(
-            seen.step,
-            seen.stamp_ns,
-            seen.objects,
-            seen.hand_index,
-            step.program,
-            seen.joint_position,
-            seen.joint_velocity,
-            hand_pose=seen.hand_pose,
-        )
+        row = Row.of(seen, step.program)
         if step.verdict is not None:
             row.reward, row.distance = step.verdict.reward, step.verdict.distance
             row.stage, row.satisfied = step.verdict.stage, step.verdict.satisfied

@@ -246,6 +246,13 @@ def arenas_of(bag: Bag, namespace: str | None = None) -> list[ArenaDescription]:
     return _decoded(bag, ARENA_INFO, namespace, decode_arena_info)
 
 
+def newest_arena(bag: Bag, namespace: str | None = None) -> ArenaDescription:
+    """Return the arena's newest description. Raises ProvenanceError without any."""
+    if arenas := arenas_of(bag, namespace):
+        return arenas[-1]
+    raise ProvenanceError(f"bag: {bag.path}: expected an arena's description, got none")
+
+
 def recorded_world(bag: Bag, namespace: str | None = None) -> World:
     """Return the world of a recording. Raises ProvenanceError if it does not describe one."""
     for arena in arenas_of(bag, namespace):

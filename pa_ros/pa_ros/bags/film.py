@@ -94,7 +94,7 @@ class _SeenBlock(Block):
 def film(
     episode: RecordedEpisode, arena: ArenaDescription, path: Path, rendered: bool, side_px: int
 ) -> int:
-    """Write a GIF or an MP4 at the speed of the arena. Returns its number of pictures.
+    """Write a WebP, GIF or MP4 at the speed of the arena. Returns its number of pictures.
 
     `rendered`: in perspective instead of from above. Raises RenderError without OpenGL.
     """

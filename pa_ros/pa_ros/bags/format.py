@@ -16,7 +16,7 @@ from rosbags.rosbag2.metadata import dump_qos_v9
 from rosbags.typesys.store import Typestore
 
 from pa_ros.bags.errors import BagError
-from pa_ros.core.files import read_regular, take_lock
+from pa_ros.core.files import read_regular, take_lock, write_whole
 from pa_ros.core.text import read_yaml
 
 BAG_VERSION: Final = 9  # of rosbag2's metadata, as ROS 2 Jazzy writes it
@@ -159,10 +159,8 @@ def custom_data(about: Mapping[str, Any]) -> dict[str, str]:
 
 def write_metadata(folder: Path, content: dict[str, Any]) -> None:
     """Write metadata.yaml, completely or not at all."""
-    unfinished = folder / f".{METADATA}"
     text = yaml.safe_dump({"rosbag2_bagfile_information": content}, sort_keys=False)
-    unfinished.write_text(text)
-    unfinished.replace(folder / METADATA)
+    write_whole(folder / METADATA, text)
 
 
 def repair_command(folder: Path) -> str:

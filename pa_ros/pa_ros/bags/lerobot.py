@@ -58,7 +58,7 @@ def export_lerobot(
     Raises BagError if the folder exists, if no episode can be written or the period is no whole
     number of frames per second; ConfigError for a missing extra.
     """
-    pyarrow_with_parquet("export: lerobot")
+    pyarrow = pyarrow_with_parquet("export: lerobot")
     if side_px is not None:
         check_movie(folder / "film.mp4")
     if folder.exists():
@@ -96,9 +96,13 @@ def export_lerobot(
         frames_of.append(columns)
         start += frames
     joined = {name: np.concatenate([c[name] for c in frames_of]) for name in columns}
-    _write_table(folder / f"data/{_file(0)}.parquet", joined)
-    _write_rows(folder / f"meta/episodes/{_file(0)}.parquet", rows)
-    _write_tasks(folder / "meta/tasks.parquet", tasks)
+    for name, table in (
+        (f"data/{_file(0)}", _table(pyarrow, joined)),
+        (f"meta/episodes/{_file(0)}", pyarrow.Table.from_pylist(rows)),
+        ("meta/tasks", _tasks(pyarrow, tasks)),
+    ):
+        with written_beside(folder / f"{name}.parquet") as beside:
+            pyarrow.parquet.write_table(table, beside)
     write_whole(folder / "meta/stats.json", json.dumps(_joined(rows), indent=1))
     about = {
         "codebase_version": VERSION,
@@ -264,34 +268,21 @@ def _place(prefix: str, number: int) -> dict[str, int]:
     return {f"{prefix}/chunk_index": chunk, f"{prefix}/file_index": file}
 
 
-def _write_table(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    pyarrow = pyarrow_with_parquet("export: lerobot")
-    arrays = {
+def _table(pyarrow: Any, columns: Mapping[str, NDArray[Any]]) -> Any:
+    return pyarrow.table({
         name: values
         if values.ndim == 1
         else pyarrow.FixedSizeListArray.from_arrays(values.ravel(), values.shape[1])
         for name, values in columns.items()
-    }
-    with written_beside(path) as beside:
-        pyarrow.parquet.write_table(pyarrow.table(arrays), beside)
+    })  # fmt: skip
 
 
-def _write_rows(path: Path, rows: list[dict[str, Any]]) -> None:
-    pyarrow = pyarrow_with_parquet("export: lerobot")
-    with written_beside(path) as beside:
-        pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows), beside)
-
-
-def _write_tasks(path: Path, tasks: Mapping[str, int]) -> None:
+def _tasks(pyarrow: Any, tasks: Mapping[str, int]) -> Any:
     """Programs as the index of a table for pandas, which LeRobot reads it by."""
-    pyarrow = pyarrow_with_parquet("export: lerobot")
     index = {"name": "task", "field_name": "task", "pandas_type": "unicode",
              "numpy_type": "object", "metadata": None}  # fmt: skip
     column = {"name": "task_index", "field_name": "task_index", "pandas_type": "int64",
               "numpy_type": "int64", "metadata": None}  # fmt: skip
     about = {"index_columns": ["task"], "column_indexes": [], "columns": [column, index]}
     table = pyarrow.table({"task_index": [*tasks.values()], "task": [*tasks]})
-    with written_beside(path) as beside:
-        pyarrow.parquet.write_table(
-            table.replace_schema_metadata({"pandas": json.dumps(about)}), beside
-        )
+    return table.replace_schema_metadata({"pandas": json.dumps(about)})

@@ -12,7 +12,7 @@ from typing import Any, Final
 from pa_ros.arena import ArenaConfig, Design
 from pa_ros.bags.errors import BagFullError
 from pa_ros.bags.format import reliable_qos, topic
-from pa_ros.bags.writer import BagOptions, BagWriter, refuse_existing
+from pa_ros.bags.writer import BagWriter, refuse_existing
 from pa_ros.core.experience import PublishedPolicy
 from pa_ros.language import Program
 from pa_ros.learning.run import LearningRun
@@ -53,7 +53,6 @@ class RunLog:
         seed: int,
         training_programs: Sequence[Program],
         parameters: dict[str, Any],
-        options: BagOptions | None = None,
         perception: str = "",
     ) -> None:
         """`parameters`: options of the run, plain JSON. `perception`: that of `train_agent`.
@@ -66,7 +65,7 @@ class RunLog:
         self._perception = perception
         self._types = installed_types()
         refuse_existing(folder)
-        self._folder, self._options = folder, options
+        self._folder = folder
         self._writer: BagWriter | None = None
         self._stamp_ns = 0
         self._flushed = time.monotonic()
@@ -81,7 +80,7 @@ class RunLog:
 
     def begin(self, run: LearningRun) -> None:
         """Write what the run is, and the weights it begins with. Raises BagError."""
-        self._writer = writer = BagWriter(self._folder, self._options)
+        self._writer = writer = BagWriter(self._folder)
         for name, kind, qos in _TOPICS:
             writer.add(topic(self._types, name, f"msgs_schema/msg/{kind}", [qos]))
         learner, run_id = run.learner, run.info.run_id

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pa_ros.bags.errors import BagError, ProvenanceError
-from pa_ros.bags.experience import arenas_of
+from pa_ros.bags.errors import BagError
+from pa_ros.bags.experience import newest_arena
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.film import add_look
 from pa_ros.cli.options import add_extension, file_to_write
@@ -98,11 +98,9 @@ def _export_lerobot(bag: Bag, options: argparse.Namespace) -> int:
     from pa_ros.bags.episodes import episodes
     from pa_ros.bags.lerobot import export_lerobot
 
-    arenas = arenas_of(bag, options.namespace)
-    if not arenas:
-        raise ProvenanceError(f"bag: {bag.path}: no arena_info in it: which arena is unknown")
+    arena = newest_arena(bag, options.namespace)
     found = episodes(bag, options.namespace)
-    written = export_lerobot(found, arenas[-1], options.lerobot, options.episodes, options.video)
+    written = export_lerobot(found, arena, options.lerobot, options.episodes, options.video)
     print(f"{written.episodes} episodes, {written.frames} frames in {options.lerobot}")
     if written.left_out:
         print(f"left out, because steps or actions are missing: {list(written.left_out)}")
@@ -113,13 +111,11 @@ def _film(bag: Bag, options: argparse.Namespace) -> int:
     from pa_ros.bags.episodes import episodes
     from pa_ros.bags.film import film
 
-    arenas = arenas_of(bag, options.namespace)
-    if not arenas:
-        raise ProvenanceError(f"bag: {bag.path}: no arena_info in it: which arena is unknown")
+    arena = newest_arena(bag, options.namespace)
     wanted = (options.episode, options.evaluation)
     for episode in episodes(bag, options.namespace):
         if (episode.number, episode.evaluation) == wanted:
-            count = film(episode, arenas[-1], options.out, options.rendered, options.width)
+            count = film(episode, arena, options.out, options.rendered, options.width)
             print(f"{count} pictures of episode {episode.number} in {options.out}")
             return 0
     kind = "evaluation episode" if options.evaluation else "episode"

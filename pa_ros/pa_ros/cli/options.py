@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -111,7 +110,7 @@ def add_setting(
     parser.add_argument(
         flag,
         dest=path,
-        type=str if several else _reader(leaf, flag),
+        type=str if several else replace(leaf, path=flag).read,
         default=None if otherwise or required else leaf.default,
         required=required,
         metavar=metavar or _metavar(leaf),
@@ -126,10 +125,10 @@ def add_settings(parser: argparse.ArgumentParser, kind: type[Settings], *paths: 
         add_setting(parser, kind, path)
 
 
-def settings_from(options: argparse.Namespace, kind: type[Kind], **values: Any) -> Kind:
-    """The settings that were asked for; `values` are those that no option gives."""
+def settings_from(options: argparse.Namespace, kind: type[Kind]) -> Kind:
+    """The settings that were asked for."""
     asked = {name: getattr(options, name, None) for name in kind.model_fields}
-    return kind(**{name: value for name, value in asked.items() if value is not None} | values)
+    return kind(**{name: value for name, value in asked.items() if value is not None})
 
 
 def asked(options: argparse.Namespace, kind: type[Settings]) -> list[str]:
@@ -158,11 +157,6 @@ def _check_folder(folder: Path, asked: Path) -> None:
     there = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
     if not there.is_dir():
         raise ConfigError(f"{asked}: expected a folder at {there}, got a file")
-
-
-def _reader(leaf: Leaf, flag: str) -> Callable[[str], Any]:
-    """The function that argparse calls with an option's text."""
-    return replace(leaf, path=flag).read
 
 
 def _shown(leaf: Leaf) -> str:

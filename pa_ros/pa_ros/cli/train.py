@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Train to `--frames`; rows are shown as they are written to OUT/progress.csv.
 
-    Ctrl-C, or that nobody reads any more, ends it after the episode, with a checkpoint.
+    Ctrl-C, or a closed output pipe, ends it after the current episode, with a checkpoint.
     """
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     if options.from_bag:

@@ -115,7 +115,7 @@ class Controls:
         self._connect(self._speed, speeds)
 
     def _connect(self, group: Any, acts: Mapping[str, Callable[[Arm], object]]) -> None:
-        """Say what each button of a group asks of the arm."""
+        """Connect each button of a group to a request."""
 
         def press(_: Any) -> None:
             name = group.value.removeprefix(NOW)

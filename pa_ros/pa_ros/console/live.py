@@ -77,11 +77,11 @@ class LiveConsole:
         return self._page.scene.places
 
     def do(self, act: Callable[[], object]) -> None:
-        """Have something done in the thread of the node; errors are counted and logged."""
+        """Run `act` in the node's thread; errors are counted and logged."""
         self._todo.put(act)
 
     def ask(self, name: str, act: Callable[[Arm], object]) -> None:
-        """Have something asked of the arena, on another thread; `asked` says what became of it."""
+        """Send a request to the arena from another thread; `asked` shows its outcome."""
         self.asked = f"{name}: not answered yet"
         self._requests.submit(self._ask, name, act, self._namespace)
 
@@ -97,7 +97,7 @@ class LiveConsole:
             arm.close()
 
     def send(self, text: str) -> None:
-        """Have a program executed."""
+        """Send a program."""
         self.do(lambda: self._send(text))
 
     def choose(self, namespace: str) -> None:

@@ -89,7 +89,7 @@ def state(moment: Moment, speed: str = "") -> str:
     """Return what is being executed, and with what success."""
     seen = moment.observation
     kind = "evaluation episode" if moment.evaluation else "episode"
-    verdict = {True: "satisfied", False: "not yet", None: "not recorded"}[moment.satisfied]
+    verdict = moment.verdict
     program = moment.program
     if program:
         stage = moment.stage

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import nan
 
 from pa_ros.acting.insight import Explanation
@@ -27,19 +27,14 @@ class Moment:
     stage: int = 0  # of a goal over time: which of its programs is pursued
 
     @property
+    def verdict(self) -> str:
+        """Whether the program is satisfied, in words."""
+        return {True: "satisfied", False: "not yet", None: "not recorded"}[self.satisfied]
+
+    @property
     def row(self) -> Row:
         """The same as a row of a recording."""
-        seen = self.observation
-        return Row(
-            seen.step,
-            seen.stamp_ns,
-            seen.objects,
-            seen.hand_index,
-            self.program,
-            joint_position=seen.joint_position,
-            joint_velocity=seen.joint_velocity,
-            stage=self.stage,
-        )
+        return replace(Row.of(self.observation, self.program), stage=self.stage)
 
     @property
     def blocks(self) -> list[int]:

@@ -14,7 +14,7 @@ import viser
 from pa_ros.acting.insight import Insight, agent_logic, explained
 from pa_ros.bags.episodes import RecordedEpisode, Row, episodes
 from pa_ros.bags.errors import ProvenanceError
-from pa_ros.bags.experience import PROVENANCE, WEIGHTS, arenas_of
+from pa_ros.bags.experience import PROVENANCE, WEIGHTS, newest_arena
 from pa_ros.bags.reader import Bag
 from pa_ros.console import markup
 from pa_ros.console.moment import Moment
@@ -35,10 +35,7 @@ class Replay:
     def __init__(self, bag: Bag, namespace: str | None = None) -> None:
         """Raises ProvenanceError if the bag has no arena's description, or no control steps."""
         self._bag, self._namespace = bag, namespace
-        arenas = arenas_of(bag, namespace)
-        if not arenas:
-            raise ProvenanceError(f"bag: {bag.path}: expected an arena's description, got none")
-        self.arena = arenas[0]
+        self.arena = newest_arena(bag, namespace)
         self.episodes = [episode for episode in episodes(bag, namespace) if episode.rows]
         if not self.episodes:
             raise ProvenanceError(f"bag: {bag.path}: expected control steps, got none")

@@ -21,7 +21,6 @@ from pa_ros.core.experience import Float64
 from pa_ros.core.files import written_beside
 from pa_ros.wire.arena import ArenaDescription
 
-VERDICTS = {True: "satisfied", False: "not yet", None: "not recorded"}
 Shown = list[tuple[int, str]]
 _BOX, _SPHERE = int(mujoco.mjtGeom.mjGEOM_BOX), int(mujoco.mjtGeom.mjGEOM_SPHERE)
 _CAPSULE = int(mujoco.mjtGeom.mjGEOM_CAPSULE)
@@ -86,7 +85,7 @@ class _EpisodeWriter:
         self._write_numbers("distance", [moment.distance for moment in moments])
         for i, moment in enumerate(moments):
             self._write_text(i, "program", moment.program or "none in force")
-            self._write_text(i, "verdict", VERDICTS[moment.satisfied])
+            self._write_text(i, "verdict", moment.verdict)
 
     def _timelines(self, moments: Sequence[Moment]) -> dict[str, dict[str, NDArray[Any]]]:
         """Return simulation time, step and episode of each step.

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from itertools import islice
 
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
+from pa_ros.ros.executor import take_messages
 from pa_ros.ros.topics import OBJECT_FEATURES, Topic
 from pa_ros.wire import Message
 
@@ -35,19 +35,8 @@ class Sampler:
 
     def take(self) -> list[Message]:
         """Return the steps since the last call, in order."""
-        return list(_waiting(self._reader, self._depth))
+        return [message for message, _ in islice(take_messages(self._reader), self._depth)]
 
     def close(self) -> None:
         """Unsubscribe."""
         self._node.destroy_subscription(self._reader)
-
-
-def _waiting(reader: Any, depth: int) -> Iterator[Message]:
-    """Yield the messages waiting at a subscription, as an executor would take them."""
-    for _ in range(depth):
-        # No executor serves this subscription, so this takes from the queue of DDS itself.
-        with reader.handle:
-            found = reader.handle.take_message(reader.msg_type, False)
-        if found is None:
-            return
-        yield found[0]

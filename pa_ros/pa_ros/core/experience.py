@@ -117,6 +117,7 @@ class PolicySnapshot:
     tensors: dict[str, Float32]  # state-dict names; float32, C-contiguous
 
 
+ENDLESS = 2**31 - 1  # steps of an episode without a time limit: 6.8 years at 10 Hz
 NO_LAG = 2**32 - 1  # as policy_lag: agents act with the newest weights they have, and never wait
 
 

@@ -15,7 +15,7 @@ def written_beside(path: Path) -> Iterator[Path]:
     """A path to write to, which replaces `path` at the end of the block.
 
     If the block fails, `path` stays as it was, and an OSError names it. Missing folders are made. A
-    symbolic link stays one. What is no regular file (/dev/stdout) is written to directly.
+    symbolic link stays one. A path that is not a regular file (/dev/stdout) is written directly.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     path = path.resolve()

@@ -78,7 +78,7 @@ def _discard_output(descriptor: int) -> None:
 
 @contextmanager
 def signals_noted() -> Iterator[Callable[[], bool]]:
-    """Yield a function that says whether a signal arrived; the process is to end by itself.
+    """Yield a function that says whether a signal arrived; the caller then ends in order.
 
     A second signal raises Interrupted, for users who do not want to wait. SIGHUP never does: when a
     terminal closes, the shell and the kernel both send it.

@@ -11,7 +11,7 @@ from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from pa_ros.acting.config import ActingConfig, ExplorationConfig, Schedule
+from pa_ros.acting.config import ExplorationConfig, Schedule
 from pa_ros.core.settings import Settings
 
 
@@ -138,13 +138,9 @@ class LearnerConfig(Settings):
     engine: EngineConfig = EngineConfig()
 
     @property
-    def acting(self) -> ActingConfig:
-        """The settings that agents need."""
-        return ActingConfig(
-            schedule=self.schedule,
-            exploration=self.exploration,
-            inference="torch" if self.engine.name == "torch" else "auto",
-        )
+    def inference(self) -> str:
+        """How agents evaluate networks: by torch, or "auto", by fused code where it applies."""
+        return "torch" if self.engine.name == "torch" else "auto"
 
     @model_validator(mode="after")
     def _trajectories_fit(self) -> Self:

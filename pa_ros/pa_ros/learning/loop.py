@@ -138,7 +138,7 @@ def _scores(learner: Learner, evaluate: Evaluate | None) -> dict[str, float]:
     """Greedy scores of the newest weights."""
     if evaluate is None:
         return {}
-    actor = Actor(learner.network, learner.config.acting.inference, logic=PRODUCT)
+    actor = Actor(learner.network, learner.config.inference, logic=PRODUCT)
     actor.load(learner.snapshot())
     return evaluate(actor)
 

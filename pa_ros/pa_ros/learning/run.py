@@ -153,21 +153,21 @@ class LearningRun:
 
 
 def _announcement(learner: Learner, control_period_s: float, run_id: str) -> LearnerInfo:
-    network, acting = learner.network, learner.config.acting
+    network, config = learner.network, learner.config
     return LearnerInfo(
         run_id=run_id,
         learner_id=uuid4().hex,
         first_version=learner.counters.version,
         world_digest=network.world.digest,
         architecture=network.architecture,
-        trajectory_steps=acting.schedule.trajectory_steps,
-        policy_lag=acting.schedule.announced_lag,
-        exploration=acting.exploration.to_json(),
-        inference=acting.inference,
+        trajectory_steps=config.schedule.trajectory_steps,
+        policy_lag=config.schedule.announced_lag,
+        exploration=config.exploration.to_json(),
+        inference=config.inference,
         control_period=control_period_s,
         thresholds=tuple(learner.scoring.thresholds.values()),
         reward=learner.scoring.reward.to_json(),
-        algorithm=learner.config.ALGORITHM,
+        algorithm=config.ALGORITHM,
         software_version=__version__,
         stamp_ns=time.time_ns(),
     )

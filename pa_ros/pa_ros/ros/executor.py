@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr
 from typing import Any
 from weakref import WeakKeyDictionary, WeakSet
@@ -21,6 +21,17 @@ POLL_S = 0.1
 def steady_timer(node: Node, period_s: float, callback: Callable[[], None]) -> Any:
     """Create a timer that runs on wall time, whatever the node's clock is."""
     return node.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
+def take_messages(subscription: Any, raw: bool = False) -> Iterator[tuple[Any, Any]]:
+    """Yield what waits at a subscription that no executor serves: each message (`raw`: as bytes),
+    and what the middleware says of it."""
+    while True:
+        with subscription.handle:
+            taken = subscription.handle.take_message(subscription.msg_type, raw)
+        if taken is None:
+            return
+        yield taken
 
 
 def spin_until(

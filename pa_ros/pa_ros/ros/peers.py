@@ -30,8 +30,8 @@ class PeerMonitor(Generic[Info]):
     A peer describes itself, and sends data: an arena its steps, a learner its weights and its
     diagnostics. The followed peer stays while its data arrive. When it has been silent for
     SILENT_S, another one that has described itself and whose data arrive takes over; the same one,
-    started again, takes over at once. Only until any data have arrived, the newest description
-    counts: a stranger that merely describes itself can't keep a node from the real peer.
+    started again, takes over at once. Until data arrive, the newest description counts, so a node
+    that only describes itself can't keep this one from the real peer.
     """
 
     def __init__(

@@ -192,9 +192,9 @@ class Arm:
         """Execute a program until it has been satisfied for `hold`, or for `timeout`.
 
         Both are seconds of the arena's time; by default the timeout is 10 s for each program of a
-        goal. Not to reach the target is a result, no error. Where
-        nobody takes goals (agents that learn, other controllers), the program is published, and the
-        arena's verdicts are watched. Ctrl-C cancels it.
+        goal. Missing the target is a result, not an error. If no agent takes goals (agents that
+        learn, other controllers), the program is published, and the arena's verdicts are watched.
+        Ctrl-C cancels it.
 
         :param progress: receives distance and p of each object, five times a second.
         """
@@ -229,7 +229,7 @@ class Arm:
             self.goal.cancel()
 
     def send(self, program: str, program_id: str = "") -> Answers:
-        """Publish a program to everyone; the answers of the arena, the agent and others.
+        """Publish a program, and return the answers of all nodes.
 
         It stays in force until another one comes. Raises NoAnswerError if one of them is silent.
 
@@ -245,7 +245,7 @@ class Arm:
     # The arena's time and scenes
 
     def reset(self, episode: int | None = None, evaluation: bool = False) -> Scene:
-        """Begin the next scene, or that of an episode; what is on the table then."""
+        """Begin the next scene, or the scene of an episode, and return it."""
         began = self.graph.services.reset(
             ResetRequest(episode, "", evaluation), self.graph.patience
         )
@@ -267,7 +267,7 @@ class Arm:
         self.graph.services.pause(False, self.graph.patience)
 
     def step(self, steps: int = 1) -> Scene:
-        """Let a paused arena make control steps in which the agent acts; what is on the table then.
+        """Let a paused arena make control steps in which the agent acts, and return the scene then.
 
         Waits up to the arm's patience for each step. Raises PaError if the arena is not paused.
         """

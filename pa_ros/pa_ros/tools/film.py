@@ -159,7 +159,7 @@ def _pictures(
             reached = satisfied
         if reached:
             yield from [picture] * PAUSE
-        if not reached:
+        else:
             missed.append(program.text)
 
 

@@ -146,12 +146,12 @@ def node_command(nodes: Sequence[str], params: Path, namespace: str = "") -> lis
     return [sys.executable, "-m", *module, *arguments]
 
 
-def tail(log: Path, lines: int = TAIL_LINES) -> str:
+def tail(log: Path) -> str:
     """The last lines of a log, of which at most 16 kB are read."""
     with log.open("rb") as file:
         file.seek(max(0, file.seek(0, os.SEEK_END) - 16_384))
         text = file.read().decode(errors="replace")
-    return "\n".join(text.splitlines()[-lines:]) or "(it wrote nothing)"
+    return "\n".join(text.splitlines()[-TAIL_LINES:]) or "(it wrote nothing)"
 
 
 def status_text(status: int) -> str:

@@ -17,6 +17,7 @@ from pa_ros.bags.errors import BagError
 from pa_ros.bags.reader import Bag, Recorded
 from pa_ros.core.settings import Settings
 from pa_ros.ros import topics
+from pa_ros.ros.executor import take_messages
 from pa_ros.tools.graph import DISCOVERY_S
 from pa_ros.wire import WireError
 from pa_ros.wire.definitions import message_class, message_type
@@ -238,12 +239,9 @@ class _StepWait:
             time.sleep(_NAP_S)
 
     def _newest(self) -> int:
-        while True:
-            with self._subscription.handle:
-                taken = self._subscription.handle.take_message(self._subscription.msg_type, False)
-            if taken is None:
-                return self._reached_ns
-            self._reached_ns = max(self._reached_ns, header_stamp(taken[0]))
+        for message, _ in take_messages(self._subscription):
+            self._reached_ns = max(self._reached_ns, header_stamp(message))
+        return self._reached_ns
 
 
 def _profile(bag: Bag, name: str, keep_all: bool = False) -> QoSProfile:

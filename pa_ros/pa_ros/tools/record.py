@@ -13,6 +13,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
@@ -28,7 +29,7 @@ from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.core.errors import ConfigError
 from pa_ros.ros import topics
 from pa_ros.ros.environment import check_namespace
-from pa_ros.ros.executor import spin_until
+from pa_ros.ros.executor import spin_until, take_messages
 from pa_ros.ros.topics import Topic
 from pa_ros.tools.graph import DISCOVERY_S
 from pa_ros.wire.definitions import installed_types, message_class, message_type, register
@@ -201,13 +202,7 @@ class _TopicReader:
 
     def take(self) -> Iterable[tuple[bytes, Any]]:
         """Yield waiting messages, with what the middleware says about each."""
-        subscription = self._subscription
-        for _ in range(_ROUND):
-            with subscription.handle:
-                taken = subscription.handle.take_message(subscription.msg_type, True)
-            if taken is None:
-                break
-            payload, info = taken
+        for payload, info in islice(take_messages(self._subscription, raw=True), _ROUND):
             if number := info["publication_sequence_number"] or 0:
                 self.gaps.take(number)
             yield payload, info

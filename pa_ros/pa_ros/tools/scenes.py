@@ -97,10 +97,7 @@ class Scene:
         from pa_ros.bags.film import Stage
 
         seen = self.step.observation
-        row = Row(
-            seen.step, seen.stamp_ns, seen.objects, seen.hand_index, self.step.program,
-            seen.joint_position, seen.joint_velocity, hand_pose=seen.hand_pose,
-        )  # fmt: skip
+        row = Row.of(seen, self.step.program)
         stage = Stage(RecordedEpisode(seen.episode, False, [row]), self.arena)
         stage.show(row)
         return top_view(stage.task, side_px)

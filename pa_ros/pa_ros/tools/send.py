@@ -5,12 +5,10 @@ from __future__ import annotations
 import time
 import uuid
 from dataclasses import dataclass, field
-from functools import partial
 
 from rclpy.node import Node
 
 from pa_ros.acting.execution import HOLD_S, Execution, ExecutionWatch, window_s
-from pa_ros.ros.executor import spin_until
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import (
     ARENA_INFO,
@@ -54,10 +52,10 @@ class ProgramSender:
     A program is sent again while answers are missing, so that a node that starts late gets it.
     """
 
-    def __init__(self, node: Node, spin: Spin | None = None, follow: bool = True) -> None:
+    def __init__(self, node: Node, spin: Spin, follow: bool = True) -> None:
         """Without `follow` it does not read the arena's steps, and `wait` never returns."""
         self._node = node
-        self._spin = spin or partial(spin_until, node)
+        self._spin = spin
         self._since = time.monotonic()
         self._program_id = ""
         self.answers = Answers()  # to the program sent last

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from math import inf
-from types import MappingProxyType
 from typing import Any
 from uuid import uuid4
 
 import numpy as np
 
 from msgs_schema import msg
+from pa_ros.core.experience import ENDLESS
 from pa_ros.language import Program, parse
 from pa_ros.wire import WireError
 from pa_ros.wire.fields import copy_fields, fields_of, float64_field, read_stamp, write_stamp
@@ -25,7 +25,6 @@ from pa_ros.world.world import World
 WIRE_VERSION = "6"
 NO_STAMP = 0
 SPARSE = Sparse().to_json()  # the paper's reward
-ENDLESS = 2**31 - 1  # steps of an episode without a time limit
 # Fields that are alike in the message and in the record, and arrays of numbers.
 SAME = (
     *("arena_id", "software_version", "design", "arm", "preset", "seed", "block_count"),
@@ -83,14 +82,12 @@ def describe_robot(
     speed_limits: Mapping[str, float],
     control_period_s: float,
     arm: str = "",
-    thresholds: Mapping[str, float] = MappingProxyType({}),
     limits: Sequence[tuple[float, float]] = (),
 ) -> ArenaDescription:
     """Return the description that a robot publishes in place of an arena, with a new id.
 
     :param world: the agent's world; agents of another world reject the robot.
     :param speed_limits: rad/s by joint, reached at action 1; their order is the joints' order.
-    :param thresholds: of relations, by name, where they differ from the relation's default.
     :param limits: lower and upper joint position, rad, one pair per joint; empty: no limits.
     """
     lower, upper = zip(*(limits or [(-inf, inf)] * len(speed_limits)), strict=True)
@@ -108,9 +105,7 @@ def describe_robot(
         joint_upper=upper,
         speed_limits=tuple(speed_limits.values()),
         control_period=control_period_s,
-        thresholds=tuple(
-            thresholds.get(name, RELATIONS[name].threshold) for name in world.relations
-        ),
+        thresholds=tuple(RELATIONS[name].threshold for name in world.relations),
         episode_steps=ENDLESS,
         stamp_ns=time.time_ns(),
         arena_id=uuid4().hex[:8],

@@ -9,7 +9,6 @@ import math
 import numpy as np
 
 from msgs_schema import msg
-from pa_ros import __version__
 from pa_ros.core.experience import (
     AgentKey,
     Float32,
@@ -113,7 +112,6 @@ def encode_learner_info(learner: LearnerInfo) -> msg.LearnerInfo:
     write_stamp(message.stamp, learner.stamp_ns)
     copy_fields(message, learner, SAME)
     message.thresholds = float64_field(np.asarray(learner.thresholds))
-    message.software_version = learner.software_version or __version__
     message.wire_version = WIRE_VERSION
     return message
 

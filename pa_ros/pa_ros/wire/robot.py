@@ -14,7 +14,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from pa_ros.core.experience import Float64
 from pa_ros.wire.fields import header_stamp, read_array, write_stamp, write_vector
 from pa_ros.wire.step import LARGEST
-from pa_ros.wire.views import decode_pose, read_pose
+from pa_ros.wire.views import read_pose
 
 Measurement = tuple[str, str, Float64, int]
 """Parent frame, child frame, pose [7] of the child in its parent, stamp in ns."""
@@ -34,8 +34,8 @@ def decode_transforms(message: TFMessage) -> list[Measurement]:
 
 def decode_tracked(message: PoseStamped, name: str) -> Measurement:
     """Return a tracker's pose as that of the frame `name`. Raises WireError."""
-    frame, pose = decode_pose(message)
-    return frame, name, pose, header_stamp(message)
+    pose = read_pose("pose", message.pose.position, message.pose.orientation)
+    return str(message.header.frame_id), name, pose, header_stamp(message)
 
 
 def decode_detections(message: Detection3DArray, wanted: Mapping[str, str]) -> list[Measurement]:

@@ -35,7 +35,6 @@ class ResultCode(IntEnum):
     FEATURE_UNSUPPORTED = msg.Result.RESULT_FEATURE_UNSUPPORTED
     OK = msg.Result.RESULT_OK
     NOT_FOUND = msg.Result.RESULT_NOT_FOUND
-    INCORRECT_STATE = msg.Result.RESULT_INCORRECT_STATE
     OPERATION_FAILED = msg.Result.RESULT_OPERATION_FAILED
 
 
@@ -65,7 +64,6 @@ class Scope(IntEnum):
     """Parts of the state that a reset restores; they can be added."""
 
     DEFAULT = srv.ResetSimulation.Request.SCOPE_DEFAULT
-    TIME = srv.ResetSimulation.Request.SCOPE_TIME
     STATE = srv.ResetSimulation.Request.SCOPE_STATE
     SPAWNED = srv.ResetSimulation.Request.SCOPE_SPAWNED
     ALL = srv.ResetSimulation.Request.SCOPE_ALL

@@ -18,7 +18,6 @@ from pa_ros.core.experience import (
     CommandKey,
     Executed,
     Float32,
-    Float64,
     Observation,
     Step,
     Verdict,
@@ -181,23 +180,6 @@ def encode_joints(
     message.position = float64_field(observation.joint_position)
     message.velocity = float64_field(observation.joint_velocity)
     return message
-
-
-def decode_joints(joints: JointState, names: tuple[str, ...]) -> tuple[Float64, Float64]:
-    """Return positions (rad) and velocities (rad/s) of the named joints, in that order.
-
-    :param names: wanted joints; empty: all, in the message's order. Raises WireError.
-    """
-    received = tuple(joints.name)
-    if received != names and not set(names) <= set(received):
-        raise WireError("joint_states.name", names, received, code="wire.joint_names")
-    shape = (len(received),)
-    position = read_array("joint_states.position", joints.position, np.float64, shape, LARGEST)
-    velocity = read_array("joint_states.velocity", joints.velocity, np.float64, shape, LARGEST)
-    if not names or received == names:
-        return position, velocity
-    order = [received.index(name) for name in names]
-    return position[order], velocity[order]
 
 
 def encode_command(command: Command, into: msg.JointCommand | None = None) -> msg.JointCommand:

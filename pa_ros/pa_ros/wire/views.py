@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from control_msgs.msg import JointJog
-from geometry_msgs.msg import PoseStamped, TransformStamped
+from geometry_msgs.msg import TransformStamped
 from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Float64MultiArray, String
@@ -167,15 +167,6 @@ def _marker(space: str, number: int, kind: int, body: Body, stamp_ns: int) -> An
 
 def _color(marker: Any, rgba: Sequence[float]) -> None:
     marker.color.r, marker.color.g, marker.color.b, marker.color.a = map(float, rgba)
-
-
-# For trackers and controllers
-
-
-def decode_pose(message: PoseStamped) -> tuple[str, Float64]:
-    """Return the frame and the pose [7]: position (m), unit quaternion xyzw. Raises WireError."""
-    pose = read_pose("pose", message.pose.position, message.pose.orientation)
-    return str(message.header.frame_id), pose
 
 
 def read_pose(name: str, position: Any, orientation: Any) -> Float64:

@@ -24,7 +24,7 @@ class FrameTree:
     """The newest transform of each frame.
 
     Ages are from arrival, so that clocks of several machines need not agree. A transform with the
-    stamp of the one before it is that measurement again, and makes nothing newer.
+    stamp of the one before it is the same measurement sent again, and does not count as new.
     """
 
     def __init__(self) -> None:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self, TypeVar
+from typing import Any, Literal, Self, TypeVar
 
 import numpy as np
-import yaml
 from pydantic import Field, model_validator
 
 from pa_ros.arena import ArenaChoice, Kind
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64
 from pa_ros.core.settings import Settings
+from pa_ros.core.text import read_yaml
 from pa_ros.wire.step import MAX_OBJECTS
 from pa_ros.world.poses import IDENTITY
 
@@ -68,8 +68,6 @@ class Workspace(Settings):
 class RobotSettings(ArenaChoice):
     """The settings of robot.yaml but for its joints and objects."""
 
-    SECTION: ClassVar[str] = ""
-
     dry_run: bool = Field(True, description="only show what would be sent, under dry_run/")
     control: Literal["velocity", "joint_trajectory", "joint_jog"] = Field(
         "velocity", description="what the controller takes"
@@ -108,10 +106,10 @@ def measured_frame(source: str) -> str:
 def load_robot(path: Path) -> Robot:
     """Read a robot.yaml. Raises ConfigError, with the file's name, for the first fault."""
     try:
-        return read_robot(yaml.safe_load(path.read_text()))
+        return read_robot(read_yaml(path.read_text()))
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+    except (OSError, ValueError) as error:
         told = " ".join(str(error).split())
         raise ConfigError(f"{path}: expected a file robot.yaml, got: {told}") from None
 

@@ -65,11 +65,10 @@ class Chain:
   size="{base.radius_m} {base.height_m / 2}" mass="{base.mass_kg}" {attributes}/>"""
         for i in range(len(self.links)):
             bodies += self._link(i, attributes)
-        white = attributes.replace("0.25 0.25 0.28", "1 1 1")
         bodies += f"""
 <body name="hand" gravcomp="1" pos="{_text(hand.offset_m)}" quat="{_quaternion(hand.rpy, 0.0)}">
   <geom name="hand" type="capsule" size="{hand.radius_m} {hand.half_length_m}"
-    mass="{hand.mass_kg}" {white}/>
+    mass="{hand.mass_kg}" {attributes}/>
 </body>"""
         return bodies + "</body>" * len(self.links)
 

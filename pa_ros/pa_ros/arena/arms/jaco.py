@@ -58,7 +58,7 @@ LINKS = (  # [urdf], [inertial]; a capsule from each joint to the next
     Link(_WRIST, (pi / 3, 0, pi), _ZERO, (0, 0, -0.08), 0.03, 0.1, _SMALL_ARMATURE),
 )
 BASE = Base(0.15675, 0.04, 0.46784)  # [urdf] table to joint 1; [inertial]
-# One large white capsule; its frame is Kinova's end effector, 0.16 m along the hand from joint 6
+# One large capsule; its frame is Kinova's end effector, 0.16 m along the hand from joint 6
 # ([urdf]). Mass [inertial]: hand with three fingers.
 HAND = HandCapsule((0.0, 0.0, -0.16), (pi, 0.0, 0.0), 0.045, 0.03, 0.727)
 
