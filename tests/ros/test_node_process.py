@@ -12,6 +12,7 @@ from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.ros.environment import (
     LOOPBACK_PROFILE,
     NETWORK_CHOICES,
+    RANGE,
     prepare_environment,
     ros_arguments,
 )
@@ -147,10 +148,13 @@ def test_the_users_choice_of_network_is_kept(choice, monkeypatch):
     assert set_now == {choice: "theirs"}
 
 
-def test_without_a_choice_the_graph_stays_on_this_machine(monkeypatch):
+@pytest.mark.parametrize("discovery", ["", "LOCALHOST"])
+def test_the_graph_stays_on_this_machine(discovery, monkeypatch):
     for name in NETWORK_CHOICES:
-        monkeypatch.delenv(name, raising=False)
+        monkeypatch.setenv(name, "")
+    monkeypatch.setenv(RANGE, discovery)
     prepare_environment()
+    assert not os.environ.get(RANGE)
     assert os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(LOOPBACK_PROFILE)
     assert LOOPBACK_PROFILE.is_file()
     monkeypatch.delenv("FASTRTPS_DEFAULT_PROFILES_FILE")

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 LAST_DOMAIN = 232  # a higher one would need ports above 65535
 LOOPBACK_PROFILE = Path(__file__).with_name("loopback.xml")
 # Any of these says that the user has decided who can see the graph.
+RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 NETWORK_CHOICES = (
-    "ROS_AUTOMATIC_DISCOVERY_RANGE",
+    RANGE,
     "ROS_STATIC_PEERS",
     "ROS_DISCOVERY_SERVER",
     "FASTRTPS_DEFAULT_PROFILES_FILE",
@@ -35,14 +36,17 @@ def prepare_environment() -> None:
     """Set missing environment variables; call before `rclpy.init`. Child processes inherit them.
 
     Unless the user chose otherwise (NETWORK_CHOICES), the graph stays on this machine: the only
-    transport of Fast DDS is then UDP on the loopback interface.
-    ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST isn't enough: it limits discovery, but sockets still
-    listen on every interface.
+    transport of Fast DDS is then UDP on the loopback interface. A range of LOCALHOST alone is that
+    choice, too, and gives way to the profile: ROS would only limit discovery with it, and listen on
+    every interface.
     """
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
     if "ROS_LOG_DIR" not in os.environ and not _has_log_folder():
         os.environ["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / f"pa_ros-log-{os.getuid()}")
-    if not any(os.environ.get(name) for name in NETWORK_CHOICES):
+    chosen = {name: os.environ[name] for name in NETWORK_CHOICES if os.environ.get(name)}
+    if chosen == {RANGE: "LOCALHOST"}:
+        del os.environ[RANGE], chosen[RANGE]
+    if not chosen:
         os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(LOOPBACK_PROFILE)
         os.environ.setdefault("RMW_FASTRTPS_USE_QOS_FROM_XML", "1")  # for its memory policy
 
