@@ -16,14 +16,13 @@ from pa_ros.bags.errors import BagError, BagFullError
 from pa_ros.bags.format import RESERVE
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.repair import repair
-from pa_ros.bags.storage import STORAGES
+from pa_ros.bags.storage import McapStorage
 from pa_ros.cli.main import main
 
 
-@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_a_killed_recording_is_named_and_repaired(tmp_path, storage, capsys):
+def test_a_killed_recording_is_named_and_repaired(tmp_path, capsys):
     bag = tmp_path / "it's a bag"
-    killed = written(tmp_path / "live", 7, close=False, storage=storage)
+    killed = written(tmp_path / "live", 7, close=False)
     shutil.copytree(tmp_path / "live", bag)
     killed.close()
     assert main(["bag", "info", str(bag)]) == 2
@@ -37,10 +36,9 @@ def test_a_killed_recording_is_named_and_repaired(tmp_path, storage, capsys):
     assert repair(bag).messages == 7 and storage_file(bag).read_bytes() == before
 
 
-@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_a_running_recording_is_neither_read_nor_repaired(tmp_path, storage, capsys):
+def test_a_running_recording_is_neither_read_nor_repaired(tmp_path, capsys):
     bag = tmp_path / "bag"
-    with written(bag, 7, close=False, storage=storage):
+    with written(bag, 7, close=False):
         before = {path.name: path.read_bytes() for path in bag.iterdir()}
         with pytest.raises(BagError, match="still recording"):
             Bag(bag)
@@ -132,15 +130,14 @@ def test_a_disk_that_takes_nothing_more_leaves_a_bag_to_repair(tmp_path, monkeyp
     assert identifiers(tmp_path / "bag") == [0, 1, 2]
 
 
-@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_a_flush_that_fails_gives_the_bag_up_and_closes_its_file(tmp_path, monkeypatch, storage):
-    bag = written(tmp_path / "bag", 3, close=False, storage=storage)
+def test_a_flush_that_fails_gives_the_bag_up_and_closes_its_file(tmp_path, monkeypatch):
+    bag = written(tmp_path / "bag", 3, close=False)
 
     def full(*_):
         raise OSError(errno.EIO, os.strerror(errno.EIO))
 
     with monkeypatch.context() as patch:
-        patch.setattr(STORAGES[storage], "flush", full)
+        patch.setattr(McapStorage, "flush", full)
         bag.write("/program", payload(3), START + 10**10)
         with pytest.raises(BagFullError, match="`pa_ros record --repair"):
             bag.flush()

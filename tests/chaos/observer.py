@@ -3,7 +3,7 @@
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from rclpy.node import Node
@@ -150,7 +150,7 @@ class Observer:
         self.ledger.learned(version, policy.accounted)
         self.last["policy_weights"] = message
 
-    def _on_joints(self, message: Message) -> None:
+    def _on_joints(self, message: Any) -> None:
         stamp = header_stamp(message)
         self.steps += stamp != self._stamp
         self._stamp = stamp

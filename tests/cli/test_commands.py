@@ -84,7 +84,7 @@ def test_a_misspelled_command_is_told_its_name(capsys):
         (["send", "RED", "--namespace", "not a name"], "namespace"),
         (["launch", "--params", "absent.yaml"], "absent.yaml"),
         (["eval", "--policy", "scripted", "--condition", "all"], "expected --checkpoint"),
-        (["record", "--repair", "x", "--storage", "sqlite3"], "expected it alone, got storage"),
+        (["record", "--repair", "x", "--split-s", "9"], "expected it alone, got split_s"),
         (["launch", "--out", "/dev/null/x"], "expected a folder at /dev/null, got a file"),
         (["ship", "unused", "3-D"], "expected a new one, got '3-D', which exists (--replace)"),
         (

@@ -1,4 +1,4 @@
-"""What commands say goes to a full disk, or nowhere: the work is done, without a traceback."""
+"""What commands write: to nowhere, to a link, numbers that JSON lacks."""
 
 import json
 import subprocess
@@ -21,20 +21,9 @@ def run(redirection: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_training_whose_output_has_no_room_is_saved(tmp_path: Path) -> None:
-    arguments = ("--frames", "200", "--eval-every", "100", "--eval-episodes", "1")
-    ended = run(">/dev/full", "train", *arguments, "--out", str(tmp_path))
-    assert (tmp_path / "checkpoint" / "LATEST").is_file()
-    assert ended.returncode == 1
-    last = ended.stderr.splitlines()[-1]
-    assert last == "pa_ros train: standard output: [Errno 28] No space left on device"
-    assert "Traceback" not in ended.stderr
-
-
-@pytest.mark.parametrize(("redirection", "status"), [(">/dev/full", 1), (">&-", 0)])
-def test_a_command_whose_output_has_no_room(redirection: str, status: int) -> None:
-    ended = run(redirection, *CHECK)
-    assert ended.returncode == status and "Traceback" not in ended.stderr
+def test_a_command_without_an_output_ends_well() -> None:
+    ended = run(">&-", *CHECK)
+    assert ended.returncode == 0 and not ended.stderr
 
 
 def test_a_file_is_whole_and_a_link_stays_one(tmp_path: Path) -> None:

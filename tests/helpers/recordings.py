@@ -62,7 +62,7 @@ def identifiers(path: Path) -> list[int]:
 
 
 def storage_file(folder: Path) -> Path:
-    (file,) = [path for path in folder.iterdir() if path.suffix in (".mcap", ".db3")]
+    (file,) = folder.glob("*.mcap")
     return file
 
 

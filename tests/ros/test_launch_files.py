@@ -2,6 +2,7 @@
 
 import os
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from ament_index_python.packages import get_package_prefix, get_package_share_di
 from helpers.processes import node_command, running
 from helpers.stand_in_launch import described
 from helpers.waiting import DEADLINE_S
+from pa_ros.ros.executor import spin_until
 from pa_ros.tools.client import client_node
 from pa_ros.tools.send import ProgramSender
 
@@ -66,6 +68,6 @@ def test_the_launched_graph_executes_a_program(tmp_path):
     nodes = described(GRAPH).started(mode="execute", namespace="left")
     commands = [node_command(node.executable, *words) for node, words in nodes]
     with running(tmp_path, *commands), client_node("test", "left") as node:
-        sender = ProgramSender(node)
+        sender = ProgramSender(node, partial(spin_until, node))
         assert not sender.send("NEAR(HAND, AND(RED, CUBE))", DEADLINE_S).refused
         assert sender.wait(DEADLINE_S).satisfied

@@ -134,14 +134,10 @@ def test_an_existing_folder_and_a_topic_without_a_publisher_are_rejected(tmp_pat
         assert [topic.type for topic in chosen] == [topics.PROGRAM.type, other.msg_type]
 
 
-@pytest.mark.parametrize(
-    ("number", "storage"),
-    [(signal.SIGINT, "mcap"), (signal.SIGTERM, "sqlite3"), (signal.SIGKILL, "mcap"),
-     (signal.SIGKILL, "sqlite3")],
-)  # fmt: skip
-def test_a_recording_ended_by_a_signal_is_readable(tmp_path, number, storage):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_a_recording_ended_by_a_signal_is_readable(tmp_path, number):
     bag = tmp_path / "bag"
-    with pa_ros("record", bag, "--storage", storage) as process:
+    with pa_ros("record", bag) as process:
         try:
             assert process.stdout.readline().startswith("recording into")
             with client_node("test") as node:
@@ -163,8 +159,8 @@ def test_a_recording_ended_by_a_signal_is_readable(tmp_path, number, storage):
 
 
 def grown(bag: Path) -> bool:
-    """Whether a message has been flushed: a chunk, or a row in SQLite's file."""
-    (file,) = [path for path in bag.iterdir() if path.suffix in (".mcap", ".db3")]
+    """Whether a message has been flushed."""
+    (file,) = bag.glob("*.mcap")
     return b"NEAR(HAND, RED)" in file.read_bytes()
 
 

@@ -125,8 +125,5 @@ def test_a_key_file_must_be_private_and_long_enough(tmp_path: Path):
     path.write_bytes(b"short")
     with rejected("auth.key_file", match="at least 32 bytes, got 5"):
         read_key(path)
-    path.write_bytes(KEY * 1000)
-    with rejected("auth.key_file", match="at most 4096 bytes"):
-        read_key(path)
     with rejected("auth.key_file", match="nowhere"):
         read_key(tmp_path / "nowhere")

@@ -16,13 +16,12 @@ from rosbags.rosbag2.metadata import dump_qos_v9
 from rosbags.typesys.store import Typestore
 
 from pa_ros.bags.errors import BagError
-from pa_ros.core.files import read_regular, take_lock, write_whole
+from pa_ros.core.files import take_lock, write_whole
 from pa_ros.core.text import read_yaml
 
 BAG_VERSION: Final = 9  # of rosbag2's metadata, as ROS 2 Jazzy writes it
 DISTRIBUTION: Final = "jazzy"
 METADATA: Final = "metadata.yaml"
-LARGEST_METADATA: Final = 1 << 26  # bytes
 RESERVE: Final = ".reserve"  # a file that keeps space free for closing the bag on a full disk
 UNLIMITED: Final = _QosTime(9223372036, 854775807)  # how rosbag2 writes an unlimited duration
 
@@ -92,7 +91,6 @@ def reliable_qos(depth: int, latched: bool = False, keep_all: bool = False) -> Q
 
 
 def information(
-    storage: str,
     topics: Iterable[BagTopic],
     files: Iterable[FileContents],
     custom: Mapping[str, str],
@@ -104,7 +102,7 @@ def information(
     last = max((file.last_ns for file in filled), default=0)
     return {
         "version": BAG_VERSION,
-        "storage_identifier": storage,
+        "storage_identifier": "mcap",
         "duration": {"nanoseconds": last - first},
         "starting_time": {"nanoseconds_since_epoch": first},
         "message_count": sum(file.total for file in files),
@@ -144,7 +142,7 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     Raises ValueError if the file is not YAML, OSError if it cannot be read.
     """
     try:
-        content = read_yaml(read_regular(folder / METADATA, LARGEST_METADATA).decode())
+        content = read_yaml((folder / METADATA).read_text())
     except (FileNotFoundError, NotADirectoryError):
         return {}
     about = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None

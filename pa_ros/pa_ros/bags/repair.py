@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import os
-import sqlite3
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 from mcap.records import Channel, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2.storage_mcap import McapReader
-from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from pa_ros.bags.errors import BagError, BagFullError
 from pa_ros.bags.format import (
@@ -33,8 +30,7 @@ from pa_ros.bags.format import (
 )
 from pa_ros.wire.definitions import hash_of
 
-_READERS: dict[str, Any] = {".mcap": McapReader, ".db3": Sqlite3Reader}
-_STORAGES = {".mcap": "mcap", ".db3": "sqlite3"}
+_SUFFIXES = (".mcap", ".db3")
 _CHUNK_BYTES = 1 << 20
 KEPT = ".original"  # suffix of a file as it was before a repair
 
@@ -60,16 +56,15 @@ def repair(folder: Path) -> Repaired:
         about = {}  # the damaged metadata.yaml is written anew
     if about.get("compression_mode"):
         raise BagError(f"bag: {folder}: a compressed bag can be read but not repaired")
+    if any(path.suffix != ".mcap" for path in files):
+        raise BagError(f"bag: {folder}: expected .mcap files to repair, got {files[0].name}")
     with FolderLock(folder):
         (folder / RESERVE).unlink(missing_ok=True)
         topics: dict[str, BagTopic] = {}
         contents: list[FileContents] = []
         notes: list[str] = []
         for path in files:
-            if path.suffix == ".mcap":
-                notes += filter(None, [_finish_mcap(path)])
-            else:
-                _roll_back_sqlite(path)
+            notes += filter(None, [_finish_mcap(path)])
             found, content = contents_of(path)
             topics.update({topic.name: topic for topic in found})
             contents.append(content)
@@ -78,8 +73,7 @@ def repair(folder: Path) -> Repaired:
             custom[REPAIRED] = "; ".join(notes) or "nothing was lost"
         # Files are named in the order in which they were written, which their times tell.
         contents.sort(key=lambda content: (content.first_ns, content.path.name))
-        storage = _STORAGES[contents[0].path.suffix]
-        write_metadata(folder, information(storage, topics.values(), contents, custom))
+        write_metadata(folder, information(topics.values(), contents, custom))
     return Repaired(sum(content.total for content in contents), len(contents), tuple(notes))
 
 
@@ -87,7 +81,7 @@ def storage_files(folder: Path) -> list[Path]:
     """Return a bag's storage files. Raises BagError if there are none."""
     if not folder.is_dir():
         raise BagError(f"bag: {folder}: expected a folder, found none")
-    found = sorted(path for path in folder.iterdir() if path.suffix in _READERS and path.is_file())
+    found = sorted(path for path in folder.iterdir() if path.suffix in _SUFFIXES and path.is_file())
     if not found:
         raise BagError(f"bag: {folder}: expected .mcap or .db3 files in it, found none")
     return found
@@ -95,7 +89,7 @@ def storage_files(folder: Path) -> list[Path]:
 
 def contents_of(path: Path) -> tuple[list[BagTopic], FileContents]:
     """Return topics and counts of one finished file. Raises BagError if it cannot be read."""
-    reader = _READERS[path.suffix](path)
+    reader = McapReader(path)
     try:
         reader.open()
         try:
@@ -121,18 +115,6 @@ def _topic(connection: Connection) -> BagTopic:
     digest = connection.digest or hash_of(connection.msgtype, text)
     qos = tuple(connection.ext.offered_qos_profiles)
     return BagTopic(connection.topic, connection.msgtype, text, digest, qos)
-
-
-def _roll_back_sqlite(path: Path) -> None:
-    """Return to the last commit, which SQLite does when it opens a file for writing.
-
-    rosbags cannot do this, because it opens files for reading only.
-    """
-    try:
-        with closing(sqlite3.connect(path)) as connection:
-            connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
-    except sqlite3.Error as error:
-        raise damaged(path, error) from error
 
 
 def _finish_mcap(path: Path) -> str:

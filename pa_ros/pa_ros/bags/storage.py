@@ -1,9 +1,8 @@
-"""Writes one storage file of a bag, MCAP or SQLite. Flushed messages survive a SIGKILL."""
+"""Writes one MCAP file of a bag. Flushed messages survive a SIGKILL."""
 
 from __future__ import annotations
 
 import os
-import sqlite3
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,9 +10,8 @@ from typing import Any
 import yaml
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
-from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
-from pa_ros.bags.format import BAG_VERSION, BagTopic
+from pa_ros.bags.format import BagTopic
 
 CHUNK_BYTES = 1 << 20  # most bytes in memory before a chunk is written
 Retry = Callable[[OSError], bool]
@@ -62,8 +60,6 @@ class _File:
 class McapStorage:
     """An MCAP file as rosbag2_storage_mcap writes it: QoS and type hash are in the channel."""
 
-    suffix = ".mcap"
-
     def __init__(self, path: Path, retry: Retry) -> None:
         self.path = path
         self._file = _File(path, retry)
@@ -107,67 +103,3 @@ class McapStorage:
     def abandon(self) -> None:
         """Close without writing anything more."""
         self._file.close()
-
-
-class SqliteStorage(Sqlite3Writer):  # type: ignore[misc, unused-ignore]
-    """An SQLite file as rosbag2_storage_sqlite3 writes it, with rosbags' schema.
-
-    Messages are committed when the file is flushed. SQLite itself goes back to the last commit
-    when a write fails.
-    """
-
-    suffix = ".db3"
-
-    def __init__(self, path: Path, retry: Retry) -> None:
-        del retry
-        self.path = path
-        # The recorder's thread writes; the thread that leaves the context closes.
-        self.conn = sqlite3.connect(path, check_same_thread=False)
-        self.conn.execute("PRAGMA synchronous = NORMAL")
-        self.conn.executescript(self.SQLITE_SCHEMA)
-        self.cursor = self.conn.cursor()
-        self._types: set[str] = set()
-        self._topics = 0
-
-    def add_topic(self, topic: BagTopic) -> None:
-        if topic.type_name not in self._types:
-            self._types.add(topic.type_name)
-            self.cursor.execute(
-                "INSERT INTO message_definitions (topic_type, encoding,"
-                " encoded_message_definition, type_description_hash) VALUES (?, 'ros2msg', ?, ?)",
-                (topic.type_name, topic.definition, topic.digest),
-            )
-        self._topics += 1
-        row = (self._topics, topic.name, topic.type_name, "cdr", topic.qos_text, topic.digest)
-        self.cursor.execute("INSERT INTO topics VALUES (?, ?, ?, ?, ?, ?)", row)
-
-    def write(  # type: ignore[override]
-        self, number: int, payload: bytes, log_ns: int, sent_ns: int, sequence: int
-    ) -> None:
-        del sent_ns, sequence  # SQLite bags have no columns for these
-        self.cursor.execute(
-            "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)",
-            (number + 1, log_ns, payload),
-        )
-
-    def flush(self) -> None:
-        self.conn.commit()
-
-    def size(self) -> int:
-        return self.path.stat().st_size
-
-    def close(self, information: dict[str, Any]) -> None:  # type: ignore[override]
-        super().close(BAG_VERSION, yaml.safe_dump(information, sort_keys=False))
-
-    def abandon(self) -> None:
-        try:
-            self.abort()
-        except sqlite3.Error:
-            self.conn.close()
-
-
-STORAGES: dict[str, type[McapStorage | SqliteStorage]] = {
-    "mcap": McapStorage,
-    "sqlite3": SqliteStorage,
-}
-DISK_ERRORS = (OSError, sqlite3.OperationalError)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import ClassVar, Literal, NoReturn
+from typing import ClassVar, NoReturn
 
 from pydantic import Field
 
@@ -21,7 +21,7 @@ from pa_ros.bags.format import (
     repair_command,
     write_metadata,
 )
-from pa_ros.bags.storage import DISK_ERRORS, STORAGES, McapStorage, SqliteStorage
+from pa_ros.bags.storage import McapStorage
 from pa_ros.core.settings import Settings
 
 RESERVE_BYTES = 2 << 20  # enough for the last chunk, the index and metadata.yaml
@@ -32,7 +32,6 @@ class BagOptions(Settings):
 
     SECTION: ClassVar[str] = "bag"
 
-    storage: Literal["mcap", "sqlite3"] = Field("mcap", description="format")
     split_mb: float = Field(1024.0, ge=0, description="megabytes of each file; 0: any number")
     split_s: float = Field(3600.0, ge=0, description="seconds of each file; 0: any number")
 
@@ -68,7 +67,7 @@ class BagWriter:
                 # written.
                 os.posix_fallocate(file.fileno(), 0, RESERVE_BYTES)
             self._storage = self._next_file()
-        except DISK_ERRORS as error:
+        except OSError as error:
             self._reserve.unlink(missing_ok=True)
             self._lock.release()
             raise BagFullError(f"bag: {folder}: {error}") from error
@@ -108,7 +107,7 @@ class BagWriter:
             number = self._topics[name][0]
             sent_ns = log_ns if sent_ns is None else sent_ns
             self._storage.write(number, payload, log_ns, sent_ns, sequence)
-        except DISK_ERRORS as error:
+        except OSError as error:
             self._give_up(error)
         self._contents.add(name, log_ns)
         self.counts[name] += 1
@@ -120,7 +119,7 @@ class BagWriter:
             raise self.failure
         try:
             self._storage.flush()
-        except DISK_ERRORS as error:
+        except OSError as error:
             self._give_up(error)
         self._check_disk()
 
@@ -134,7 +133,7 @@ class BagWriter:
             self._finish_file()
             self._closed = True
             write_metadata(self.folder, self._information(self._finished))
-        except DISK_ERRORS as error:
+        except OSError as error:
             self._give_up(error)
         self._lock.release()
 
@@ -156,11 +155,10 @@ class BagWriter:
         self._reserve.unlink()
         return True
 
-    def _next_file(self) -> McapStorage | SqliteStorage:
-        kind = STORAGES[self.options.storage]
-        suffix = f"_{len(self._finished)}" if self._finished else ""
-        path = self.folder / f"{self.folder.name}{suffix}{kind.suffix}"
-        storage = kind(path, self._free_reserve)
+    def _next_file(self) -> McapStorage:
+        number = f"_{len(self._finished)}" if self._finished else ""
+        path = self.folder / f"{self.folder.name}{number}.mcap"
+        storage = McapStorage(path, self._free_reserve)
         self._contents = FileContents(path)
         for _, topic in self._topics.values():
             storage.add_topic(topic)
@@ -180,7 +178,7 @@ class BagWriter:
 
     def _information(self, files: list[FileContents]) -> dict[str, object]:
         topics = [topic for _, topic in self._topics.values()]
-        return information(self.options.storage, topics, files, self.custom)
+        return information(topics, files, self.custom)
 
     def _give_up(self, error: Exception) -> NoReturn:
         """Leave the bag as it is on the disk, to be repaired. Always raises BagFullError."""

@@ -6,7 +6,6 @@ Slow imports happen inside `main`, which ends in order when a signal arrives.
 from __future__ import annotations
 
 import argparse
-import errno
 import importlib
 import io
 import os
@@ -41,10 +40,8 @@ COMMANDS = {
     "demo": ("pa_ros.cli.demo", "learn over the graph, then execute programs (make run)"),
 }
 ABOUT = "Programmable agents: arms that execute declarative programs."
-EXIT_UNSAID = 1  # the work is done, but standard output could not be written
 EXIT_REFUSED = 2  # the user's input was rejected; argparse has the same status
 EXIT_PIPE = 141  # the status that a shell gives for SIGPIPE
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # errors of standard output
 
 
 class _CommandParser(argparse.ArgumentParser):
@@ -142,14 +139,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         _say_no_more()
         return EXIT_PIPE
     except OSError as error:
-        if error.filename is not None:  # a path that the system rejects
-            print(f"{command}: {printable_lines(str(error))}", file=sys.stderr)
-            return EXIT_REFUSED
-        if error.errno not in FULL:
+        if error.filename is None:
             raise
-        _say_no_more()
-        print(f"{command}: standard output: {error}", file=sys.stderr)
-        return EXIT_UNSAID
+        print(f"{command}: {printable_lines(str(error))}", file=sys.stderr)
+        return EXIT_REFUSED  # a path that the system rejects
 
 
 def _say_no_more() -> None:

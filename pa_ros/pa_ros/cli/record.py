@@ -28,9 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--repair", action="store_true", help="make the bag OUT, whose recorder was killed, whole"
     )
-    add_settings(
-        parser, RecordingOptions, "topics", "namespace", "arenas", "storage", "split_mb", "split_s"
-    )
+    add_settings(parser, RecordingOptions, "topics", "namespace", "arenas", "split_mb", "split_s")
     add_setting(parser, RecordingOptions, "duration_s", "--duration")
     parser.epilog = "Ctrl-C or SIGTERM closes the bag; exit status 1 if recording ended by itself"
 

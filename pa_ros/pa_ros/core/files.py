@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import os
-import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -40,20 +38,6 @@ def write_whole(path: Path, text: str) -> None:
     """Write a file by `written_beside`, with line ends as they are."""
     with written_beside(path) as beside, beside.open("w", newline="") as file:
         file.write(text)
-
-
-def read_regular(path: Path, most: int) -> bytes:
-    """Return the content of a file. Raises OSError if it is a device or a pipe, which may have no
-    end, or if it has more than `most` bytes."""
-    # Without O_NONBLOCK, opening a pipe would wait for somebody to write into it.
-    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
-    with open(descriptor, "rb") as file:
-        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            raise OSError(f"{path}: expected a regular file, got a device or a pipe")
-        content = file.read(most + 1)
-    if len(content) > most:
-        raise OSError(f"{path}: expected at most {most} bytes, got more")
-    return content
 
 
 def take_lock(descriptor: int) -> bool:

@@ -22,12 +22,10 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file
 
-from pa_ros.core.files import read_regular
 from pa_ros.learning.errors import CheckpointError
 
 LATEST = "LATEST"
 METADATA = "metadata.json"
-LARGEST_TEXT = 1 << 28  # bytes of metadata.json, which contains a ledger
 SUMS = "SHA256SUMS"  # as `sha256sum` writes it; `sha256sum --check` reads it
 SHIPPED = Path(__file__).parents[1] / "shipped"
 SHIPPED_PREFIX = "shipped:"
@@ -157,7 +155,7 @@ def check_files(directory: Path, names: Collection[str] = ()) -> None:
     if not sums.exists():
         return
     try:
-        text = read_regular(sums, LARGEST_TEXT).decode("ascii")
+        text = sums.read_text("ascii")
         lines = [line.split("  ", 1) for line in text.splitlines()]
         stated = {name: digest for digest, name in lines}
         present = [path.name for path in directory.glob("*.*")]
@@ -229,6 +227,6 @@ def _sync_folder(path: Path) -> None:
 def latest_name(root: Path) -> str:
     """Name of the checkpoint that LATEST names; empty: none."""
     try:
-        return read_regular(root / LATEST, LARGEST_TEXT).decode("ascii").strip()
+        return (root / LATEST).read_text("ascii").strip()
     except (OSError, UnicodeDecodeError):
         return ""

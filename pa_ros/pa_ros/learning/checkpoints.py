@@ -25,11 +25,9 @@ from numpy.typing import NDArray
 from pa_ros import __version__
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import PolicySnapshot
-from pa_ros.core.files import read_regular
 from pa_ros.core.settings import read_json
 from pa_ros.language import parse
 from pa_ros.learning.checkpoint_files import (
-    LARGEST_TEXT,
     METADATA,
     SHIPPED,
     check_files,
@@ -100,7 +98,7 @@ def read_metadata(path: Path) -> dict[str, Any]:
     directory = find_checkpoint(path)
     check_files(directory, (METADATA,))
     try:
-        values = read_json(read_regular(directory / METADATA, LARGEST_TEXT).decode())
+        values = read_json((directory / METADATA).read_text())
         found = values["format"]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise CheckpointError(f"checkpoint: {directory}: {METADATA}: {error!r}") from error

@@ -11,7 +11,6 @@ from typing import Any
 import yaml
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.files import read_regular
 from pa_ros.core.text import read_yaml
 from pa_ros.learning.folder import refuse_used
 
@@ -20,7 +19,6 @@ NODES = ("sim_node", "learner_node", "agent_node")  # in the order of starting
 MAX_ARENAS = 64
 SIGHTED = {"shipped:3-D": "shipped:camera"}  # agents, and those of the same design that see
 _EVERY = "**"
-LARGEST_BYTES = 1 << 20
 _KEY = "ros__parameters"
 
 Parameters = dict[str, dict[str, Any]]
@@ -50,7 +48,7 @@ def load_parameters(path: Path) -> Parameters:
     (`/arena1/sim_node`, `/arena2/sim_node`, `/learner_node`) are a fleet. Raises ConfigError.
     """
     try:
-        content = read_yaml(read_regular(path, LARGEST_BYTES).decode())
+        content = read_yaml(path.read_text())
     except (OSError, ValueError) as error:
         raise ConfigError(f"parameters: {path}: {error}") from error
     if not isinstance(content, dict) or not content:

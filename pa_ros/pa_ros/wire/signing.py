@@ -22,12 +22,10 @@ from typing import Any, Final
 
 from msgs_schema import msg
 from pa_ros.core.errors import PaError
-from pa_ros.core.files import read_regular
 from pa_ros.wire import Message
 
 SIGNED: Final = tuple(kind for kind in vars(msg).values() if hasattr(kind, "signature"))
 KEY_BYTES: Final = 32  # least length of a key
-MOST_KEY_BYTES: Final = 4096
 WINDOW: Final = 64  # how many counters a message may arrive late
 _FIELD: Final = "signature"
 Read = Callable[[Any], Any]  # reads a field of a message
@@ -41,7 +39,7 @@ def read_key(path: Path) -> bytes:
     """
     try:
         mode = stat.S_IMODE(path.stat().st_mode)
-        key = read_regular(path, MOST_KEY_BYTES)
+        key = path.read_bytes()
     except OSError as error:
         raise PaError(f"auth_key_file: {error}", code="auth.key_file") from error
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
