@@ -95,7 +95,6 @@ dist: install-dev  ## source archive and wheel, in dist/, and a test of the whee
 	$(BIN)/python -m pytest -q -p no:xdist tests/ros/packaged.py
 
 # colcon builds in its own environment with ROS 2 from the Python index, whatever is sourced.
-# docs/contributing.md says how to build with an installed ROS 2.
 COLCON := $(CURDIR)/build/colcon
 COLCON_ENV := env -u PYTHONPATH -u LD_LIBRARY_PATH -u COLCON_PREFIX_PATH -u ROS_DISTRO \
   AMENT_PREFIX_PATH=$(COLCON)/venv CMAKE_PREFIX_PATH=$(COLCON)/venv PATH=$(COLCON)/venv/bin:$(PATH)

@@ -71,7 +71,7 @@ def make_arena(
 
 
 def load(agent: str | Path = "3-D") -> TrainedAgent:
-    """A trained agent: one that comes with the package (2-L, 3-D, push, camera), or a run's folder.
+    """A trained agent: a shipped one (2-L, 3-D, push, avoid, camera), or that of a run's folder.
 
     Raises PaError (its subclass CheckpointError) if there is no usable checkpoint.
     """

@@ -16,7 +16,10 @@ class ExplorationConfig(Settings):
 
     sigma: float = Field(0.3, ge=0, description="σ, a share of full speed (paper)")
     held: float = Field(
-        0.0, ge=0, le=1, description="about this share of time, a uniform action is held instead"
+        0.0,
+        ge=0,
+        le=1,
+        description="time with a uniform action that is held, per time without: 0.3 is a quarter",
     )
     damping: ClassVar[float] = 1.0  # θ, per second (paper)
     held_steps: ClassVar[int] = 8  # for which such an action is held on average

@@ -1,4 +1,4 @@
-"""Several agents' trajectories in a fixed order: docs/DESIGN.md, "Several agents in step"."""
+"""Several agents' trajectories in a fixed order: docs/DESIGN.md, "Several agents"."""
 
 from __future__ import annotations
 
