@@ -69,6 +69,9 @@ def run_cycle(stage: Stage, fault: Fault) -> Cycle:
             cycle.failures.append(f"the arm moved by {moved:.4f} rad while commands had stopped")
         fault.lift(stage)
         _recover(stage, cycle, struck)
+        if not fault.silent:  # all may be well again before a node's next report, once a second
+            seen = _noting(stage, cycle, struck, lambda: cycle.seen_after is not None)
+            stage.until(seen, struck + REPORT_S - time.monotonic())
     except (PaError, OSError, LookupError) as error:
         cycle.failures.append(f"{type(error).__name__}: {error}")
     if not fault.silent and cycle.seen_after is None:
