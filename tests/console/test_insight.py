@@ -1,5 +1,6 @@
 """What the page says about a program is what the networks and the arena say."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -57,6 +58,15 @@ def test_networks_without_detectors_are_rejected():
     snapshot = PolicySnapshot(0, network.architecture, TASK.world.digest, tensors)
     with pytest.raises(ConfigError, match="canonical"):
         Insight(snapshot)
+
+
+def test_weights_that_do_not_fit_their_description_are_rejected():
+    """They may come by topic from anybody."""
+    name, tensor = next(iter(SNAPSHOT.tensors.items()))
+    fewer = {n: t for n, t in SNAPSHOT.tensors.items() if n != name}
+    for tensors in (fewer, {**fewer, name: tensor[:-1]}):
+        with pytest.raises(ConfigError, match=name):
+            Insight(replace(SNAPSHOT, tensors=tensors))
 
 
 def test_a_moment_without_explanation_says_why():

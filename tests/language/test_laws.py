@@ -51,14 +51,6 @@ def test_white_space_is_ignored(target: Expression, data: st.DataObject) -> None
     assert str(parse(loose, VOCABULARY)) == str(Program(target))
 
 
-@given(expressions)
-def test_the_span_of_each_node_contains_its_text(target: Expression) -> None:
-    text = str(Program(target))
-    program = parse(text, VOCABULARY)
-    for node in (program, *walk(program.target)):
-        assert text[node.span.start : node.span.end] == str(node)
-
-
 @given(expressions, expressions, soft)
 def test_de_morgan_and_double_negation(
     x: Expression, y: Expression, phi: list[list[float]]

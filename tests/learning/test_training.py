@@ -115,14 +115,6 @@ def test_actions_are_those_of_the_version_they_claim(tmp_path, monkeypatch) -> N
         policies[learner.counters.version] = learner.snapshot()
 
 
-@pytest.mark.parametrize("lag", [1, 2])
-def test_overlap_changes_nothing(tmp_path, monkeypatch, lag) -> None:
-    settings = dpg(SETTINGS, schedule__policy_lag=lag, schedule__trajectory_steps=7)
-    one = run(tmp_path / "a", 200, settings)
-    monkeypatch.setattr(TrainConfig, "overlap", False)
-    assert_same(one, run(tmp_path / "b", 200, settings))
-
-
 @pytest.mark.parametrize(
     ("engine", "lag", "per_frame"), [("auto", 0, 0.7), ("auto", 1, 0.7), ("torch", 1, 0.15)]
 )

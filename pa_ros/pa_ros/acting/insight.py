@@ -32,6 +32,7 @@ from pa_ros.networks.config import actor_config
 from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.families import family_of
 from pa_ros.networks.inference import TorchActor
+from pa_ros.networks.parameters import actor_shapes, check_tensors
 
 
 @dataclass(frozen=True)
@@ -74,9 +75,10 @@ class Insight:
         if not family_of(network).evaluates_programs:
             raise ConfigError(f"the networks {network.family!r} evaluate no programs")
         try:
-            self._inference = TorchActor(network, snapshot.tensors, logic)
+            check_tensors(snapshot.tensors, actor_shapes(network), "actor")
         except NetworkError as error:
             raise ConfigError(str(error)) from error
+        self._inference = TorchActor(network, snapshot.tensors, logic)
         self._world, self._version, self._logic = network.world, snapshot.version, logic
         self._vocabulary = network.vocabulary
 

@@ -42,7 +42,7 @@ class TrainedAgent:
         Raises ProgramError for a wrong text, ActingError for the observation of another arm or
         design.
         """
-        return self._acting(observation, self._parsed(program))
+        return self.policy(observation, self._parsed(program))
 
     def explain(self, observation: Observation, program: str | Program = "") -> Explanation:
         """Φ and p of the objects: what each word and the program mean to the agent here.
@@ -52,14 +52,10 @@ class TrainedAgent:
         parsed = self._parsed(program) if program else None
         return Insight(self.snapshot, self.logic).explain(observation, parsed)
 
-    @cached_property
-    def _acting(self) -> AgentPolicy:
-        return self.policy
-
     def _parsed(self, program: str | Program) -> Program:
         return parse(program, self.design.vocabulary) if isinstance(program, str) else program
 
-    @property
+    @cached_property
     def policy(self) -> AgentPolicy:
         """The greedy policy."""
         return greedy(self.snapshot, self.arena, self.logic)

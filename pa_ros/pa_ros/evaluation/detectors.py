@@ -11,16 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pa_ros.acting.insight import Insight
 from pa_ros.arena import Design, Episode, ReachTask, conditions_for
 from pa_ros.arena.conditions import novel
-from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation
 from pa_ros.evaluation.agents import TrainedAgent
 from pa_ros.evaluation.evaluate import EPISODES_SEED
 from pa_ros.language import Logic, parse, relevance, satisfying
-from pa_ros.networks.config import actor_config
-from pa_ros.networks.families import family_of
-from pa_ros.networks.inference import TorchActor
 
 KNOWN, UNSEEN = "eval", "reach-new-both"
 """Conditions of the scenes; the second one, if the design has it, shows new properties."""
@@ -56,12 +53,7 @@ class DetectorView:
     """
 
     def __init__(self, agent: TrainedAgent) -> None:
-        network = actor_config(agent.snapshot.architecture)
-        if not family_of(network).evaluates_programs:
-            raise ConfigError("detectors: expected a programmable agent, got a canonical one")
-        self._agent = agent
-        self._world, self._vocabulary = network.world, network.vocabulary
-        self._inference = TorchActor(network, agent.snapshot.tensors, agent.logic)
+        self._agent, self._insight = agent, Insight(agent.snapshot, agent.logic)
         self._task = ReachTask(agent.arena, agent.design, EPISODES_SEED)
 
     def looks(self, condition: str, episodes: int) -> Iterator[DetectorLook]:
@@ -86,14 +78,10 @@ class DetectorView:
         return task
 
     def _look(self, observation: Observation) -> DetectorLook:
-        task, vocabulary = self._task, self._vocabulary
-        phi = self._inference.properties(observation.objects, self._world.arm(observation))
-        hand, logic = observation.hand_index, self._agent.logic
-        p = relevance(task.program, phi.tolist(), vocabulary.row, hand, logic)
-        targets, words = task.verifier.targets, vocabulary.words
-        return DetectorLook(
-            task.episode, observation.step, targets, words, phi, logic, np.array(p), observation
-        )
+        task, logic = self._task, self._agent.logic
+        found = self._insight.explain(observation, task.program)
+        when, targets = (task.episode, observation.step), task.verifier.targets
+        return DetectorLook(*when, targets, found.words, found.phi, logic, found.p, observation)
 
 
 @dataclass(frozen=True, slots=True)

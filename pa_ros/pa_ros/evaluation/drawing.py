@@ -20,10 +20,7 @@ from pa_ros.arena.model import TABLE_SIDE_M
 from pa_ros.arena.render import top_view
 from pa_ros.arena.task import ReachTask
 from pa_ros.core.experience import Observation
-from pa_ros.language import MIN_MAX, parse, relevance
-from pa_ros.learning.checkpoints import load_policy
-from pa_ros.networks.config import actor_config
-from pa_ros.networks.inference import TorchActor
+from pa_ros.evaluation.agents import load_agent
 
 
 def draw_detectors(
@@ -33,13 +30,7 @@ def draw_detectors(
 
     The table shows Φ transposed and p of the program for every object.
     """
-    snapshot = load_policy(checkpoint)
-    network = actor_config(snapshot.architecture)
-    parsed = parse(program, network.vocabulary)
-    phi = TorchActor(network, snapshot.tensors, MIN_MAX).properties(
-        observation.objects, network.world.arm(observation)
-    )
-    p = relevance(parsed, phi.tolist(), network.vocabulary.row, observation.hand_index, MIN_MAX)
+    found = load_agent(checkpoint).explain(observation, program)
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(10, 4), layout="constrained", width_ratios=(1, 1.6)
     )
@@ -47,9 +38,9 @@ def draw_detectors(
     left.imshow(top_view(task), extent=(-half, half, -half, half))
     left.set(xlabel="x (m)", ylabel="y (m)", title="the arena from above")
     kinds = [block.kind for block in task.episode.blocks]
-    heat_map(right, kinds, phi, np.array(p), network.vocabulary.words)
+    heat_map(right, kinds, found.phi, found.p, found.words)
     right.set_title("learned detectors Φᵀ and relevant objects p")
-    figure.suptitle(str(parsed), family="monospace", fontsize=10)
+    figure.suptitle(program, family="monospace", fontsize=10)
     save(figure, path)
 
 

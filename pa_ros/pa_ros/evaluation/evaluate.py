@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import groupby
 from typing import Annotated, Literal, Protocol
@@ -66,7 +66,7 @@ class EvaluationConfig(ArenaChoice):
     )
     judge: Annotated[str, OneOf(lambda: ("verifier", "agent"))] = Field(
         "verifier",
-        description="whose judgement leads from one program of a goal to the next",
+        description="who decides that a program of a goal is done, so that the next begins",
     )
 
 
@@ -156,7 +156,6 @@ def evaluate(
     condition: str,
     episodes: int,
     seed: int,
-    n_blocks: int | None = None,
     perception: str = "",
     pictures: Pictures = PLAIN,
     pursued: Callable[[Observation, ReachTask], Program] | None = None,
@@ -164,11 +163,9 @@ def evaluate(
     """Evaluate an agent, or a reference by name, and both references on the same episodes.
 
     `perception` is the calibration of the agent's camera, and `pictures` how the world looks to it
-    (`perception.task_seen`). `pursued` says
-    which program of a goal the agent executes at a step; by default the verifier.
+    (`perception.task_seen`). `pursued` says which program of a goal the agent executes at a step;
+    by default the verifier.
     """
-    if n_blocks is not None:
-        design = replace(design, n_blocks=n_blocks)
     task = ReachTask(config, design, seed)
     # The same task plays the same episodes for each policy, so only the policies differ.
     references = {name: reference_scores(task, name, condition, episodes) for name in REFERENCES}
@@ -218,7 +215,6 @@ def evaluate_programs(
     policy: AgentPolicy,
     programs: Sequence[str],
     episodes: int,
-    seed: int = EPISODES_SEED,
     condition: str = "eval",
     perception: str = "",
 ) -> list[ProgramRow]:
@@ -227,7 +223,7 @@ def evaluate_programs(
 
     Raises ProgramError for a wrong program, ConfigError for one that has too few such scenes.
     """
-    task, rows = task_seen(config, design, seed, perception), []
+    task, rows = task_seen(config, design, EPISODES_SEED, perception), []
     for program in (parse(text, design.vocabulary) for text in programs):
         scores: list[EpisodeScore] = []
         for index in range(SCENES_SEARCHED):

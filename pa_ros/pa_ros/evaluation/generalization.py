@@ -34,7 +34,7 @@ CONDITIONS = (
 )
 """Those of the paper, in the order of its figure, then longer programs and several targets."""
 BY_SUCCESS = ("blocks-", "chain-", "compare", "avoid", "finite-")
-"""Conditions whose names begin so."""
+"""Beginnings of the names of conditions that are scored by success."""
 
 
 @dataclass(frozen=True, slots=True)

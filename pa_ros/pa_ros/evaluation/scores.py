@@ -51,20 +51,18 @@ def normalized(raw: float, low: float, high: float) -> float:
     return (raw - low) / (high - low) if high != low else float("nan")
 
 
-def mean_interval(values: Float, seed: int = 0) -> Interval:
+def mean_interval(values: Float) -> Interval:
     """The interval of the mean of independent values [E]."""
-    weights = _weights(len(values), np.random.default_rng(seed))
+    weights = _weights(len(values), np.random.default_rng(0))
     return _interval(float(values.mean()), weights @ values / len(values))
 
 
-def normalized_interval(scores: Float, random: Float, scripted: Float, seed: int = 0) -> Interval:
+def normalized_interval(scores: Float, random: Float, scripted: Float) -> Interval:
     """Mean normalized score of `scores` [S, E] between the references [E] on the same episodes."""
-    return gain_over(scores, random, random, scripted, seed)
+    return gain_over(scores, random, random, scripted)
 
 
-def gain_over(
-    scores: Float, other: Float, random: Float, scripted: Float, seed: int = 0
-) -> Interval:
+def gain_over(scores: Float, other: Float, random: Float, scripted: Float) -> Interval:
     """How much higher `scores` [S, E] are than a reference `other` [E], in normalized units.
 
     (scores − other) / (scripted − random), each a mean over the resampled episodes. Resamples in
@@ -72,7 +70,7 @@ def gain_over(
     """
     seeds, episodes = scores.shape
     gains, span = scores - other, scripted - random  # [S, E], [E]
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     seed_weights, weights = _weights(seeds, rng), _weights(episodes, rng)
     gain = ((seed_weights @ gains) * weights).sum(1) / seeds  # [R]
     spans = weights @ span  # [R]

@@ -106,8 +106,8 @@ def require_target(
     objects: Sequence[Set[str]],
     hand_index: int | None,
     bodiless: Collection[str] = (),
-) -> tuple[bool, ...]:
-    """Like `satisfying`, but raise ProgramError unless the relation can hold.
+) -> None:
+    """Raise ProgramError unless the relation can hold.
 
     `program.names_nothing` if a set contains no object, `program.needs_body` if all objects to move
     are bodiless, `program.itself` if the only target is the only object to move.
@@ -122,7 +122,6 @@ def require_target(
     named = satisfying(program, objects, hand_index, bodiless)
     if not program.moves_hand and program.target != HAND and sum(named) == 1:
         raise _rejected(program, "program.itself", "another object than the one to move")
-    return named
 
 
 def _names_nothing(
@@ -245,9 +244,9 @@ def check_words(program: Program, known: Mapping[str, int], avoids: bool = False
 def foreign_word(program: Program, word: str, known: Mapping[str, int]) -> ProgramError:
     """An error for a program of another vocabulary, with a caret in its canonical text."""
     source = str(program)
-    # The program may have been built without a text, so search its canonical text for the word.
     place = re.search(rf"\b{re.escape(word)}\b", source)
-    return unknown_word(source, Span(*place.span()) if place else program.span, word, known)
+    assert place is not None
+    return unknown_word(source, Span(*place.span()), word, known)
 
 
 def degree(expression: Expression, value: Callable[[str], Any], logic: Logic = PRODUCT) -> Any:

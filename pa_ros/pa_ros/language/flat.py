@@ -48,7 +48,7 @@ def compile_program(program: Program, vocabulary: Vocabulary) -> FlatProgram:
     if program.relation not in vocabulary.relations:
         raise foreign_word(program, program.relation, vocabulary.relation_row)
     check_words(program, vocabulary.row, vocabulary.avoids)
-    if program.compares:  # of an agent that acts, `acting.actor` compares, since p knows no places
+    if program.compares:  # p knows no places: `acting.actor` compares for an agent that acts
         text = str(program)
         name = next(filter(None, program.chosen))
         span = Span(at := text.index(f"{name}("), at + len(name))

@@ -14,12 +14,12 @@ estimate. A part *begins* at one state, and from then on it either holds in a st
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence, Set
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from pa_ros.language.errors import ProgramError
 from pa_ros.language.evaluate import describes, present_objects, require_target, roles
-from pa_ros.language.syntax import NEAR, NOWHERE, Expression, Or, Program, Span
+from pa_ros.language.syntax import NEAR, Expression, Or, Program, Span
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,6 @@ class Then:
     """One goal after the other. Two goals or more."""
 
     goals: tuple[Goal, ...]
-    span: Span = field(default=NOWHERE, compare=False, repr=False)
 
     def __str__(self) -> str:
         return f"THEN({', '.join(map(str, self.goals))})"
@@ -38,7 +37,6 @@ class All:
     """All goals, in any order. Two goals or more."""
 
     goals: tuple[Goal, ...]
-    span: Span = field(default=NOWHERE, compare=False, repr=False)
 
     def __str__(self) -> str:
         return f"ALL({', '.join(map(str, self.goals))})"
@@ -53,7 +51,6 @@ class Avoid:
 
     avoided: Expression
     goal: Goal
-    span: Span = field(default=NOWHERE, compare=False, repr=False)
 
     def __str__(self) -> str:
         return f"AVOID({self.avoided}, {self.goal})"

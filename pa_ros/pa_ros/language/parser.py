@@ -101,7 +101,7 @@ def parse_goal(text: str, vocabulary: Vocabulary) -> Goal:
     if (length := len(str(goal))) > MAX_LENGTH:
         # Otherwise a goal would be accepted whose own printed form is rejected.
         received = f"{length} in canonical form"
-        raise _too_large(text, goal.span, "long", f"{MAX_LENGTH} characters", received)
+        raise _too_large(text, Span(0, len(text)), "long", f"{MAX_LENGTH} characters", received)
     return goal
 
 
@@ -189,7 +189,7 @@ class _Parser:
         if len(goals) < 2:
             raise self._wrong_arity(name.text, name, len(goals), closing)
         kind = Then if name.text == "THEN" else All
-        return kind(tuple(goals), Span(name.span.start, closing.span.end))
+        return kind(tuple(goals))
 
     def _parse_avoid(self, name: Token, depth: int) -> Goal:
         """avoid = "AVOID" "(" expression "," goal ")" ;"""
@@ -199,10 +199,10 @@ class _Parser:
         avoided = self._parse_expression(ARGUMENT)
         self._take(",")
         goal = self._parse_goal(depth + 1)
-        span = Span(name.span.start, self._take(")").span.end)
+        self._take(")")
         if isinstance(goal, Program) and goal.avoided is None:
-            return replace(goal, avoided=avoided, span=span)
-        return Avoid(avoided, goal, span)
+            return replace(goal, avoided=avoided)
+        return Avoid(avoided, goal)
 
     @property
     def _avoids(self) -> bool:
@@ -227,15 +227,15 @@ class _Parser:
             raise self._wrong_arity(relation.text, relation, 1 + len(targets), closing)
         second, target = targets[0]
         if moved == target == HAND:
+            start = self._source.rindex(HAND.name, 0, closing.span.start)
             raise ProgramError(
                 self._source,
-                target.span,
+                Span(start, start + len(HAND.name)),
                 code="program.itself",
                 expected="another object than the hand",
                 received="HAND twice",
             )
-        span = Span(relation.span.start, closing.span.end)
-        return Program(target, relation.text, span, moved, chosen=(first, second))
+        return Program(target, relation.text, moved, chosen=(first, second))
 
     def _parse_argument(self) -> tuple[str, Expression]:
         """argument = "HAND" | [ comparison "(" ] expression [ ")" ] ;"""
@@ -252,7 +252,7 @@ class _Parser:
         """expression = word | operation ;"""
         token = self._token
         if depth == ARGUMENT and token.text == HAND.name and self._vocabulary.moves_objects:
-            return Word(HAND.name, self._advance().span)
+            return Word(self._advance().text)
         self._check_word(token, depth)
         # Depth and size are checked while parsing, so that no larger tree is ever built.
         if depth > MAX_DEPTH:
@@ -265,21 +265,20 @@ class _Parser:
         self._advance()
         if token.text in OPERATORS:
             return self._parse_operation(token, depth)
-        return Word(token.text, token.span)
+        return Word(token.text)
 
     def _parse_operation(self, name: Token, depth: int) -> Expression:
         """operation = ( "AND" | "OR" ) "(" expression "," expression { "," expression } ")"
         | "NOT" "(" expression ")" ;
         """
         operands, closing = self._parse_arguments(depth + 1)
-        span = Span(name.span.start, closing.span.end)
         if name.text == "NOT":
             if len(operands) != 1:
                 raise self._wrong_arity("NOT", name, len(operands), closing)
-            return Not(operands[0], span)
+            return Not(operands[0])
         if len(operands) < 2:
             raise self._wrong_arity(name.text, name, len(operands), closing)
-        return And(operands, span) if name.text == "AND" else Or(operands, span)
+        return And(operands) if name.text == "AND" else Or(operands)
 
     def _parse_arguments(self, depth: int) -> tuple[tuple[Expression, ...], Token]:
         """arguments = "(" [ expression rest ] ")" ;"""

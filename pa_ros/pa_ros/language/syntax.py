@@ -1,9 +1,9 @@
-"""The tree of a program. Nodes are frozen and hashable; spans are carried but never compared."""
+"""The tree of a program. Nodes are frozen and hashable."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
 NEAR = "NEAR"
@@ -24,16 +24,11 @@ class Span(NamedTuple):
     end: int
 
 
-NOWHERE = Span(0, 0)
-"""Span of a node that was built without a text."""
-
-
 @dataclass(frozen=True, slots=True)
 class Word:
     """The objects that have a property of the vocabulary: RED."""
 
     name: str
-    span: Span = field(default=NOWHERE, compare=False, repr=False)
 
     def __str__(self) -> str:
         return self.name
@@ -44,7 +39,6 @@ class Not:
     """The objects that `operand` does not describe: NOT(RED)."""
 
     operand: Expression
-    span: Span = field(default=NOWHERE, compare=False, repr=False)
 
     def __str__(self) -> str:
         return f"NOT({self.operand})"
@@ -55,7 +49,6 @@ class And:
     """The objects that every operand describes: AND(RED, CUBE). Two operands or more."""
 
     operands: tuple[Expression, ...]
-    span: Span = field(default=NOWHERE, compare=False, repr=False)
 
     def __str__(self) -> str:
         return f"AND({', '.join(map(str, self.operands))})"
@@ -66,7 +59,6 @@ class Or:
     """The objects that at least one operand describes: OR(RED, CUBE). Two operands or more."""
 
     operands: tuple[Expression, ...]
-    span: Span = field(default=NOWHERE, compare=False, repr=False)
 
     def __str__(self) -> str:
         return f"OR({', '.join(map(str, self.operands))})"
@@ -90,7 +82,6 @@ class Program:
 
     target: Expression
     relation: str = NEAR
-    span: Span = field(default=NOWHERE, compare=False, repr=False)
     moved: Expression = HAND
     avoided: Expression | None = None
     chosen: tuple[str, str] = ("", "")

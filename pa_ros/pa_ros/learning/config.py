@@ -57,8 +57,8 @@ class DetectorsConfig(Settings):
     sparsity: float = Field(
         0.0,
         ge=0,
-        description="draws their weights to zero per unit of rate, a weight w by "
-        "max(0, 1 − |w|/free_from) of it (Zhang 2010): a word is few features",
+        description="how far a step draws weights to zero: rate × this × max(0, 1 − |w|/free_from) "
+        "(Zhang 2010), so that a word depends on few features",
     )
     free_from: float = Field(1.0, gt=0, description="size of a weight that is no longer drawn")
 
@@ -67,13 +67,17 @@ class HindsightConfig(Settings):
     """Places moved in stored transitions, where programs move objects."""
 
     moved: float = Field(
-        0.5, ge=0, le=1, description="share of transitions drawn for a block that moved"
+        0.5,
+        ge=0,
+        le=1,
+        description="share of transitions from episodes in which a block moved, with programs "
+        "about that block",
     )
     future: float = Field(
-        0.8, ge=0, le=1, description="share with the place where what the program moves later was"
+        0.8, ge=0, le=1, description="share with the place moved to where the moved block later was"
     )
     cross: float = Field(
-        0.2, ge=0, le=1, description="share of those with the place where another block later was"
+        0.2, ge=0, le=1, description="share of these with it moved to where another block later was"
     )
     either: float = Field(
         0.2,
@@ -176,4 +180,3 @@ class TrainConfig(Settings):
     checkpoint_every_frames: int = Field(
         50_000, ge=0, description="frames between checkpoints; 0: only at the end"
     )
-    overlap: ClassVar[bool] = True  # act while the learner updates, with the same result

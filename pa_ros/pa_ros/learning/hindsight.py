@@ -31,7 +31,7 @@ from pa_ros.world.world import World
 Bools = NDArray[np.bool_]
 Bits = NDArray[np.uint8]  # eight programs in each, the first one in the lowest bit
 
-RARITY = 8.0  # against one other program, such a program is drawn once in nine times
+RARITY = 8.0  # beside one other program, one whose target has a body is drawn once in nine times
 
 
 class Transitions:

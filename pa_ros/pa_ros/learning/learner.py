@@ -30,8 +30,8 @@ from pa_ros.world.poses import POSE_WIDTH
 from pa_ros.world.programs import ProgramTable
 
 LEARNER_STREAM = 2  # of default_rng([seed, stream])
-# Before so many updates or more, the state is saved to go back to if they diverge, and all of it is
-# checked afterwards. That costs about as much as one update.
+# If a trajectory is due at least so many updates, the state is saved before them, to return to it
+# if they diverge, and all of it is checked afterwards. That costs about as much as one update.
 SAVED_BEFORE = 80
 # Value of a violated program, as a share of that of never being rewarded. At 1 agents keep so far
 # away from what they avoid that they don't reach targets beside it.

@@ -80,7 +80,7 @@ def train(
         records = Records(config, run, resumed)
         agent = joined_agent(run, config.agent_id, config.seed)
         # With a policy lag the agent may act on one trajectory while the learner works on another.
-        overlap = config.overlap and run.info.policy_lag > 0
+        overlap = run.info.policy_lag > 0
         frames, episode = learner.counters.frames, learner.counters.episodes
         try:
             with LearnerThread(learn, overlap) as thread:

@@ -18,7 +18,7 @@ from pa_ros.learning.learner import Learner
 from pa_ros.world import Trajectory
 
 MADE_ON, AND_ON = "made_on", "; then "  # all machines that a run used, in order
-AHEAD = 100  # trajectories that an agent may be ahead of its account, beside policy_lag
+AHEAD = 100  # trajectories, besides policy_lag, that an agent may be ahead of those accounted for
 SILENT_S = 10.0  # without trajectories for so long, an agent may continue at any number
 
 Facts = dict[str, float | int | str]

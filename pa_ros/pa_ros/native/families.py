@@ -121,8 +121,9 @@ FUSED: dict[type[Family], FusedTrunk | Mlp] = {Programmable: FusedTrunk(), Canon
 
 
 def _codes(network: NetworkConfig, codes: Codes) -> tuple[Int32, Int32, Int32, Int32, Int32]:
-    """`op`, `a`, `b`, the programs' relations, empty if the world has one relation only, and their
-    roles, or twice what they avoid, empty if programs do neither but move the hand."""
+    """`op`, `a`, `b`; the number of each program's relation (empty if the world has one relation);
+    and two registers for each program: its two sets where programs move objects, the avoided set
+    twice where they avoid, else empty."""
     op, a, b, *more = (code.astype(np.int32, copy=False) for code in codes)
     roles = np.zeros((0, 2), np.int32)
     if network.vocabulary.moves_objects:

@@ -46,14 +46,14 @@ class Programs:
         """Degrees p1 and p2 of the moved and the target set, [B, K, N] each."""
         assert self.roles is not None
         found = relevant_roles(phi, hand_index, self.op, self.a, self.b, self.roles, logic)
-        moved, target = found[..., 1:, :].unbind(-2)
+        moved, target = found.unbind(-2)
         return moved, target
 
     def to_avoid(self, phi: Tensor, hand_index: int, logic: Logic) -> Tensor:
         """Degrees of the set to avoid, p_avoid [B, K, N]; all 0 for programs that avoid nothing."""
         assert self.avoided is not None
         roles = self.avoided[..., None]
-        found = relevant_roles(phi, hand_index, self.op, self.a, self.b, roles, logic)[..., 1, :]
+        found = relevant_roles(phi, hand_index, self.op, self.a, self.b, roles, logic)[..., 0, :]
         return found * (torch.arange(phi.shape[-1], device=phi.device) != hand_index).to(phi)
 
 
@@ -172,7 +172,7 @@ class Trunk(Detectors):
     def _attention(self, scores: Tensor, p: Tensor) -> Tensor:
         """α, [B, K, N, N]: α_ij ∝ p_j exp α̃_ij, each row summing to one.
 
-        Where no other object is relevant at all, a row is 0: that object hears nothing.
+        Where no other object is relevant at all, a row is 0: that object receives no message.
         """
         scores = torch.exp(scores - scores.detach().amax(-1, keepdim=True))
         weights = p[:, :, None, :] * (scores * self.senders(p.shape[-1]))[:, None]  # [B, K, N, N]

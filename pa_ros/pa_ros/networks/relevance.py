@@ -16,11 +16,9 @@ Joined = Callable[[int, Tensor, Tensor], Tensor]
 """Compute instruction k of each program from its sources, [B, K, N] each."""
 
 
-def program_tensors(
-    table: ProgramTable, device: torch.device | str = "cpu"
-) -> tuple[Tensor, Tensor, Tensor]:
+def program_tensors(table: ProgramTable) -> tuple[Tensor, Tensor, Tensor]:
     """`op`, `a`, `b` of a table as new int64 tensors, each [P, L]; rows index a batch."""
-    op, a, b = (torch.tensor(x, dtype=torch.int64, device=device) for x in table.arrays())
+    op, a, b = (torch.tensor(x, dtype=torch.int64) for x in table.arrays())
     return op, a, b
 
 
@@ -44,12 +42,12 @@ def relevant_roles(
     a: Tensor,
     b: Tensor,
     roles: Tensor,
-    logic: Logic = PRODUCT,
+    logic: Logic,
 ) -> Tensor:
-    """p of `relevant_objects`, and the program's two sets p1 and p2 (what is moved, and the
-    target): [B, 3, N] or [B, K, 3, N].
+    """Degrees of sets of each program, such as p1 and p2 (what is moved, and the target): [B, S, N]
+    or [B, K, S, N]. Other arguments are those of `relevant_objects`.
 
-    `roles` are registers of the two sets (`ProgramTable.roles`), [B, 2] or [B, K, 2]. Only HAND,
+    `roles` are registers of the sets (`ProgramTable.roles`), [B, S] or [B, K, S]. Only HAND,
     register V, contains the hand.
     """
     registers = _registers(phi, hand_index, op, a, b, logic)
@@ -57,8 +55,7 @@ def relevant_roles(
     roles = roles.long().unsqueeze(-1)  # [B, K, 2, 1]
     chosen = registers.gather(-2, roles.expand(*roles.shape[:-1], objects))
     other = torch.arange(objects, device=phi.device) != hand_index
-    sets = chosen * (other | (roles == words)).to(phi)
-    return torch.cat((registers[..., -1:, :], sets), dim=-2)
+    return chosen * (other | (roles == words)).to(phi)
 
 
 def _registers(

@@ -1,4 +1,4 @@
-"""Proposals: parts of a picture that may be objects, since the empty table does not look so."""
+"""Parts of a picture that may be objects, because the empty table looks different there."""
 
 from __future__ import annotations
 

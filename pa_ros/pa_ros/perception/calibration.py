@@ -30,7 +30,7 @@ NORM = 4.0  # root mean square of a channel's features, in network units
 FARTHEST = 4.0  # standard deviations
 LEAST_SPREAD = 2e-3  # numbers that vary less say nothing
 FEWEST, MOST = 40, 300  # blobs that a calibration is made from
-USUAL = 0.99  # of known blobs are as near to another one as `usual` says
+USUAL = 0.99  # share of known blobs whose nearest neighbour is within `usual`
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class Channel:
         known = scores @ axes.T
         apart = np.linalg.norm(known[:, None] - known[None], axis=-1)
         usual, far = np.quantile(_nearest_other(apart), USUAL), np.median(apart)
-        # Between how near known blobs are to each other and how far they are apart.
+        # Novel is what is farther than the geometric mean of both.
         arrays = looks.mean(0), rate, axes, known, np.sqrt(usual * far)
         return cls(*(np.array(array, np.float32) for array in arrays))
 

@@ -14,7 +14,7 @@ from pa_ros.perception.blobs import Blob
 from pa_ros.perception.view import BLOCK_M, PLANE_M, Mask, View
 
 FARTHEST_M = 0.06  # a block moves at most so far between two pictures
-NEARER = 0.01  # a nearer position may explain so many pixels less, per square pixel of distance
+NEARER = 0.01  # pixels by which a farther position must explain more, per square pixel of distance
 
 
 def fitted(

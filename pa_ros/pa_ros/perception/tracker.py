@@ -128,10 +128,14 @@ def _follow(track: Track, blob: Blob) -> None:
     steers, track.age = track.age > 0, 0
     if steers and not blob.covered and not track.covered and not moved:
         track.xy = (1 - NEWEST) * track.xy + NEWEST * blob.xy
-    elif steers and (track.covered and better if blob.covered else True):
+    elif steers and (not blob.covered or (track.covered and better)):
         track.xy = blob.xy
     whole = own is not None and not own.covered
-    if (not whole and better) if blob.covered else (not whole or moved or better):
+    if blob.covered:
+        looks_better = not whole and better
+    else:
+        looks_better = not whole or moved or better
+    if looks_better:
         track.looks[blob.camera], track.properties = blob, None
 
 

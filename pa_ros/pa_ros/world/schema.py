@@ -84,11 +84,12 @@ class Real:
 
 @dataclass(frozen=True)
 class Seen:
-    """Numbers that a sensor makes of an object, such as a camera's. They tell no word: what words
-    mean of them must be learned, and only a verifier that knows the truth can say.
+    """Numbers that a sensor, such as a camera, measures of an object. They don't say which words
+    are true of it: networks must learn that, and only the verifier knows the truth.
 
     Objects without a body are not seen. One more feature for each value that they may have says
-    what they are. Their seen features are zero; of all other objects, these are."""
+    what they are, and their seen features are zero. For all other objects these features are zero.
+    """
 
     width: int  # number of features that are seen
     scale: float = 1.0  # network units per unit of the features

@@ -23,8 +23,8 @@ MakeEngine = Callable[[NetworkConfig, Any, ProgramTable, np.random.Generator], E
 class Algorithm:
     """One way to learn; `config.ALGORITHM` is its name.
 
-    `values` are those of settings that differ under a protocol, by the protocol's name and then
-    as `pa_ros.learning.protocols` has them.
+    `values` are settings that this algorithm changes under a protocol, by the protocol's name and
+    then by dotted path (`pa_ros.learning.protocols`).
     """
 
     config: type[LearnerConfig]

@@ -34,11 +34,11 @@ UInt64 = NDArray[np.uint64]
 
 
 class GoalMasks(NamedTuple):
-    """What relabeling stores of rows [...]; bit j belongs to training program j, column j to
-    program j of all."""
+    """What relabeling stores of each row [...]. Bit j of a mask is training program j; column j of
+    `rewards` is program j of all programs."""
 
     satisfied: UInt64  # [...] bits
-    present: Any  # bits of the training programs that name something: of a trajectory, or [...]
+    present: Any  # bits of the training programs that name an object: of a trajectory, or [...]
     rewards: Float32 | None = None  # [..., P]; None where a reward is a function of `satisfied`
     may_name: UInt64 | None = None  # [N] bits of the programs that may name an object; None: told
     sets: UInt64 | None = None  # [N, 2] bits of the programs whose sets may contain an object
@@ -175,8 +175,6 @@ class Relabeler:
 
     def violated(self, program: Int32, masks: GoalMasks) -> NDArray[np.bool_]:
         """Whether programs [B, K] are violated, [B, K], given the masks of the next rows."""
-        if not self._avoiding:
-            return np.zeros(program.shape, np.bool_)
         avoids = (program >= self._avoiding) & (program < len(self.programs))
         bit = (program - self._avoiding) % len(self._measures)
         near = masks.satisfied[:, None] >> np.where(avoids, bit, 0).astype(np.uint64) & np.uint64(1)

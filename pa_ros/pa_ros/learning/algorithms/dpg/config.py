@@ -21,5 +21,5 @@ class DPGConfig(LearnerConfig):
     action_penalty: float = Field(
         0.0,
         ge=0,
-        description="times a is taken from ∂Q/∂a, so that the hand rests at its goal",
+        description="this times the action is subtracted from ∂Q/∂a: the hand rests at its goal",
     )

@@ -22,7 +22,9 @@ class SmoothingConfig(Settings):
 class TargetsConfig(Settings):
     """How the targets follow."""
 
-    tau: float = Field(0.005, gt=0, le=1, description="share taken of the networks at each step")
+    tau: float = Field(
+        0.005, gt=0, le=1, description="share of the difference by which they move at each step"
+    )
 
 
 class TD3Config(LearnerConfig):
@@ -35,4 +37,4 @@ class TD3Config(LearnerConfig):
 
     smoothing: SmoothingConfig = SmoothingConfig()
     targets: TargetsConfig = TargetsConfig()
-    delay: int = Field(2, ge=1, description="updates of the critics for each of actor and targets")
+    delay: int = Field(2, ge=1, description="updates of the critics for one of actor and targets")
