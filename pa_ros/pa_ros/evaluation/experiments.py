@@ -36,7 +36,7 @@ from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
 from pa_ros.learning.interfaces import Evaluate
-from pa_ros.learning.protocols import AVOID, PUSH, LearningSettings, usual_protocol
+from pa_ros.learning.protocols import DEEP, PUSH, LearningSettings, usual_protocol
 from pa_ros.perception import TOLD, VIEWS, task_seen
 from pa_ros.world.relation import SIDES
 
@@ -139,9 +139,9 @@ EXPERIMENTS = {
             for view in VIEWS
         ),
         Experiment("programmable-3D-exact", "3-D-exact", 30_000),
-        Experiment("relations-3D", "3-D-relations", 100_000),
-        Experiment("above-red-3D", "3-D-above-red", 60_000),
-        Experiment("avoid-3D", "3-D-avoid", 100_000, protocol=AVOID),
+        Experiment("relations-3D", "3-D-relations", 100_000, protocol=DEEP),
+        Experiment("above-red-3D", "3-D-above-red", 60_000, protocol=DEEP),
+        Experiment("avoid-3D", "3-D-avoid", 100_000, protocol=DEEP),
         Experiment("sizes", "sizes", 40_000),
         Experiment("distilled-2L", "2-L", 30_000, network="distilled-critic"),
         Experiment("distilled-3D", "3-D", 30_000, network="distilled-critic"),

@@ -15,7 +15,7 @@ from pa_ros.networks.config import NetworkSettings
 
 OURS, DPG = "ours", "dpg"  # the defaults
 PUSH = "push"  # the default where programs move objects
-AVOID = "avoid"  # the default where networks learn to avoid
+DEEP = "deep"  # the default where programs avoid a set, or have several relations
 Values = Mapping[str, Any]  # by dotted path, "learner.PART.NAME" or "network.NAME"
 
 # As in the appendix. Of what it leaves open, the initial weights matter most: a critic that starts
@@ -66,9 +66,9 @@ _PUSH: Values = {
     "network.attention": 32,
 }
 
-# For programs that avoid a set: a layer more, so that what pulls and what repels meet before the
-# output, and larger steps of larger batches that become smaller.
-_AVOID: Values = {
+# For programs that say more than where the hand should be near: that avoid a set, or have one of
+# several relations. A layer more, and larger steps of larger batches that become smaller.
+_DEEP: Values = {
     **_OURS,
     "learner.replay.batch_size": 128,
     "learner.optimizer.actor_rate": 2e-4,
@@ -79,14 +79,14 @@ _AVOID: Values = {
     "network.attention": 32,
 }
 
-PROTOCOLS: Mapping[str, Values] = {"paper": _PAPER, OURS: _OURS, PUSH: _PUSH, AVOID: _AVOID}
+PROTOCOLS: Mapping[str, Values] = {"paper": _PAPER, OURS: _OURS, PUSH: _PUSH, DEEP: _DEEP}
 
 
 def usual_protocol(vocabulary: Vocabulary) -> str:
     """The default of a world, by what its programs do."""
     if vocabulary.moves_objects:
         return PUSH
-    return AVOID if vocabulary.avoids else OURS
+    return DEEP if vocabulary.avoids or len(vocabulary.relations) > 1 else OURS
 
 
 def _defaults(protocol: str, algorithm: str) -> dict[str, Settings]:
@@ -111,7 +111,7 @@ class LearningSettings(Settings):
     protocol: Annotated[str, OneOf(lambda: PROTOCOLS)] = Field(
         OURS,
         description="named set of defaults for `learner` and `network`: the paper's, ours, or ours "
-        "for programs that move objects or avoid some",
+        "for programs that move objects (push), or avoid some or have several relations (deep)",
     )
     algorithm: Annotated[str, OneOf(lambda: ALGORITHMS)] = Field(
         DPG, description="learning algorithm"
