@@ -29,6 +29,7 @@ from pa_ros.evaluation.pushing import EndsRow
 from pa_ros.evaluation.tables import read_curves, read_rows, read_setting
 from pa_ros.evaluation.variants import Variant
 from pa_ros.learning.checkpoint_files import SHIPPED
+from pa_ros.world.relation import RELATIONS
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "docs/results"
@@ -42,6 +43,7 @@ SEEDS = {
     "programmable-3D": "3-D, fast arm",
     "programmable-3D.paper-arm": "3-D, slow arm",
     "programmable-3D-exact": "3-D without spare words",
+    "relations-3D": "3-D, six relations",
     "camera-3D": "3-D, seen by a camera",
     "distilled-2L": "2-L, distilled critic",
     "distilled-3D": "3-D, distilled critic",
@@ -250,6 +252,21 @@ def conditions() -> str:
     for arm_name in ARMS.values():
         head += [f"{arm_name} arm", "worst agent", "blind"]
     return table(head, rows)
+
+
+def relations() -> str:
+    """Agents of six relations: each relation with trained kinds, held-out kinds, and trained kinds
+    that it was never combined with."""
+    found, rows = summaries(".relations-3D"), []
+    for name in ("", *RELATIONS):
+        cells = [name or "all"]
+        for way in ("train", "eval", "eval-combinations"):
+            row = found["-".join(filter(None, [way, name.lower().replace("_", "-")]))]
+            cells.append(f"{row.normalized:.2f} [{row.low:.2f}, {row.high:.2f}]")
+            cells.append(f"{row.worst_seed:.2f}")
+        rows.append(cells)
+    head = ["", "trained", "worst agent", "held-out kinds", "worst agent", "held-out combinations"]
+    return table([*head, "worst agent"], rows)
 
 
 def logic() -> str:
@@ -480,6 +497,7 @@ def pushing_variants() -> str:
 
 TABLES: dict[str, Callable[[], str]] = {
     "headline": headline, "seeds": seeds, "conditions": conditions, "logic": logic,
+    "relations": relations,
     "detectors": detectors, "equalities": equalities, "forgetting": forgetting,
     "variants": variants, "peers": peers, "baselines": baselines, "claims": claims,
     "pushing_seeds": pushing_seeds, "pushing_conditions": pushing_conditions,

@@ -28,7 +28,7 @@ class SimConfig(NodeSettings, ArenaChoice):
     """One arena on the graph."""
 
     mode: Literal["lockstep", "real_time"] = Field(
-        "lockstep", description="lockstep: each command is one step of it; real_time: the clock"
+        "lockstep", description="lockstep: a step for each command; real_time: by the clock"
     )
     seed: int = Field(0, ge=0, description="of all episodes")
     blocks: int = Field(0, ge=0, description="number of blocks on the table; 0: the design's")
@@ -40,7 +40,7 @@ class SimConfig(NodeSettings, ArenaChoice):
     )
     program_source: Literal["generator", "topic"] = Field(
         "generator",
-        description="generator: it draws programs; topic: programs are sent, for one scene",
+        description="generator: programs are drawn; topic: they are sent, for one scene",
     )
     episode_steps: int = Field(
         0, ge=0, le=ENDLESS, description="0: the preset's; without end where programs come by topic"
