@@ -33,10 +33,8 @@ if TYPE_CHECKING:  # it loads torch, which the fused code does not need
 # A program means every object whose degree is at least this share of the greatest degree; to choose
 # one of them, the share is greater, since undecided words give about half a degree.
 MEANT, SURELY = 0.5, 0.75
-STOPPED, FULL_SPEED = (
-    0.6,
-    1.2,
-)  # of a relation's limit: pushing stops at one, is slower up to the other
+# Shares of a relation's threshold: pushing stops at the first, and is slowed up to the second.
+STOPPED, FULL_SPEED = 0.6, 1.2
 AVOIDED_WITHIN_M = 0.40  # of the hand: what is farther away is not avoided
 # At this distance from the hand, an object to be avoided counts as much as the goal; nearer by the
 # second length, it counts e times as much.
