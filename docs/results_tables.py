@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from pa_ros.arena import design_named
 from pa_ros.evaluation.cards import model_card, read_report
 from pa_ros.evaluation.detectors import Accuracy
 from pa_ros.evaluation.equalities import Difference
@@ -29,7 +30,6 @@ from pa_ros.evaluation.pushing import EndsRow
 from pa_ros.evaluation.tables import read_curves, read_rows, read_setting
 from pa_ros.evaluation.variants import Variant
 from pa_ros.learning.checkpoint_files import SHIPPED
-from pa_ros.world.relation import RELATIONS
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "docs/results"
@@ -258,7 +258,7 @@ def relations() -> str:
     """Agents of six relations: each relation with trained kinds, held-out kinds, and trained kinds
     that it was never combined with."""
     found, rows = summaries(".relations-3D"), []
-    for name in ("", *RELATIONS):
+    for name in ("", *design_named("3-D-relations").vocabulary.relations):
         cells = [name or "all"]
         for way in ("train", "eval", "eval-combinations"):
             row = found["-".join(filter(None, [way, name.lower().replace("_", "-")]))]

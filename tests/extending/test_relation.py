@@ -1,5 +1,7 @@
 """A custom relation is scored and learned."""
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -31,6 +33,11 @@ ARENA = preset_named("fast")
 def design() -> Iterator[Design]:
     extensions.load([WITHIN])
     yield design_named("2-L").with_relations("NEAR", "WITHIN")
+
+
+def test_it_may_be_registered_before_the_designs_are_loaded() -> None:
+    code = f"import runpy; runpy.run_path({WITHIN!r}); import pa_ros.arena"
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_the_verifier_scores_it_and_the_script_satisfies_it(design: Design) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.extensions import Registry
 from pa_ros.language.vocabulary import Vocabulary
-from pa_ros.world.relation import RELATIONS
+from pa_ros.world.relation import RELATIONS, SIDES
 from pa_ros.world.schema import COLORS, PAPER, PLACE, PUSHING, SIZED, ObjectSchema
 
 Values = Mapping[str, tuple[str, ...]]
@@ -202,6 +202,7 @@ def _on_diagonal(kind: Kind) -> bool:
 
 
 _COMMON: dict[str, Any] = {"novel": {"color": "MAGENTA", "shape": "CAPSULE"}}
+_RELATIONS = ("NEAR", "ABOVE", *SIDES)
 _THREE_D = Design("3-D", _VALUES_3, _WORDS_3, _OFF_DIAGONAL, _DIAGONAL, **_COMMON)
 
 register(
@@ -214,9 +215,9 @@ register(
     replace(_THREE_D, name="3-D-exact", vocabulary=_WORDS_3_EXACT),
     # Each relation is held out with one training target: with another one each.
     replace(
-        _THREE_D.with_relations(*RELATIONS),
+        _THREE_D.with_relations(*_RELATIONS),
         name="3-D-relations",
-        held_out_combinations=tuple(zip(RELATIONS, _OFF_DIAGONAL, strict=True)),
+        held_out_combinations=tuple(zip(_RELATIONS, _OFF_DIAGONAL, strict=True)),
     ),
     # ABOVE is only ever trained with red blocks.
     replace(
