@@ -129,15 +129,19 @@ def _pushing(design: str, name: str = "", relations: tuple[str, ...] = ()) -> Ex
                       evaluate_every_frames=10_000, relations=relations)  # fmt: skip
 
 
+def _seeing(view: str, design: str) -> Experiment:
+    """An experiment in which objects are seen by a camera."""
+    return Experiment(f"{view}-{design.replace('-', '')}", design, 25_000, perception=view,
+                      evaluate_every_frames=5_000)  # fmt: skip
+
+
 EXPERIMENTS = {
     experiment.name: experiment
     for experiment in (
         Experiment("programmable-2L", "2-L", 30_000),
         Experiment("programmable-3D", "3-D", 60_000),
-        *(
-            Experiment(f"{view}-3D", "3-D", 25_000, perception=view, evaluate_every_frames=5_000)
-            for view in VIEWS
-        ),
+        _seeing("camera", "2-L"),
+        *(_seeing(view, "3-D") for view in VIEWS),
         Experiment("programmable-3D-exact", "3-D-exact", 30_000),
         Experiment("relations-3D", "3-D-relations", 100_000, protocol=DEEP),
         Experiment("above-red-3D", "3-D-above-red", 60_000, protocol=DEEP),
