@@ -24,49 +24,57 @@ from pa_ros.perception.errors import PerceptionError
 from pa_ros.perception.looks import CHANNELS, NEEDS_ALL
 from pa_ros.world.schema import ObjectSchema, PropertyGroup, Seen
 
-FORMAT = 1  # of the text, and of the numbers that `looks` and `blobs` compute
-FEATURES = 12  # of a channel, at most
+FORMAT = 2  # of the text, and of the numbers that `looks` and `blobs` compute
+FEATURES = 12  # of a channel, at most; also the principal components that tell what is novel
 NORM = 4.0  # root mean square of a channel's features, in network units
 FARTHEST = 4.0  # standard deviations
 LEAST_SPREAD = 2e-3  # numbers that vary less say nothing
 FEWEST, MOST = 40, 300  # blobs that a calibration is made from
-USUAL = 0.99  # share of known blobs whose nearest neighbour is within `usual`
+USUAL = 0.99  # share of known blobs whose nearest neighbour is not farther than usual
+MARGINS = {"shape": 1.4, "color": 6.0}  # times as far as usual is novel
 
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """Maps the D numbers of a look to W features: z-scores, projected; zero for novel looks."""
+    """Maps the D numbers of a look to W features: z-scores, projected; zero for novel looks.
+
+    Whether a look is novel is told by the numbers themselves: z-scores enlarge pixels that are
+    almost the same for all known blobs, and with them their noise.
+    """
 
     mean: Float32  # [D]
     rate: Float32  # [D], 1 / standard deviation; 0: not used
     axes: Float32  # [W, D]
-    known: Float32  # [K, W]: the features of the blobs of the calibration
+    parts: Float32  # [P, D], principal components of the numbers
+    known: Float32  # [K, P + 1], blobs of the calibration: along each, and what is left over
     novel: Float32  # []: farther than this from all that is known
 
     @classmethod
-    def of(cls, looks: Float64) -> Channel:
-        """Fit a channel to looks [K, D] of known blobs."""
-        spread = looks.std(0)
+    def of(cls, looks: Float64, margin: float) -> Channel:
+        """Fit a channel to looks [K, D] of known blobs. Novel is what is farther from them than
+        `margin` times the usual distance of two neighbours."""
+        mean, spread = looks.mean(0), looks.std(0)
         rate = np.where(spread > LEAST_SPREAD, 1 / np.maximum(spread, LEAST_SPREAD), 0.0)
-        scores = _scores(looks, looks.mean(0), rate)
+        scores = _scores(looks, mean, rate)
         axes = np.eye(looks.shape[1])
         if len(axes) > FEATURES:  # principal components, each with variance 1
-            _, sizes, axes = np.linalg.svd(scores, full_matrices=False)
-            axes = axes[:FEATURES] * (len(looks) ** 0.5 / sizes[:FEATURES, None])
+            sizes, axes = _components(scores)
+            axes = axes * (len(looks) ** 0.5 / sizes[:, None])
         features = np.clip(scores @ axes.T, -FARTHEST, FARTHEST)
         axes = axes * (NORM / np.sqrt((features**2).sum(1).mean()))
-        known = scores @ axes.T
+        _, parts = _components(looks - mean)
+        known = _along(parts, looks - mean)
         apart = np.linalg.norm(known[:, None] - known[None], axis=-1)
-        usual, far = np.quantile(_nearest_other(apart), USUAL), np.median(apart)
-        # Novel is what is farther than the geometric mean of both.
-        arrays = looks.mean(0), rate, axes, known, np.sqrt(usual * far)
+        novel = margin * np.quantile(_nearest_other(apart), USUAL)
+        arrays = mean, rate, axes, parts, known, novel
         return cls(*(np.array(array, np.float32) for array in arrays))
 
     def __call__(self, look: Float64) -> Float32:
         """The features of a look [D], [W]; zero if it is novel, as if nothing had been seen."""
+        where = _along(self.parts, look - self.mean)
+        if np.linalg.norm(self.known - where, axis=-1).min() > self.novel:
+            return np.zeros(self.width, np.float32)
         features = _scores(look, self.mean, self.rate) @ np.float64(self.axes).T
-        if np.linalg.norm(self.known - features, axis=-1).min() > self.novel:
-            return np.zeros(len(features), np.float32)
         return features.astype(np.float32)
 
     @property
@@ -77,6 +85,19 @@ class Channel:
 
 def _scores(looks: Float64, mean: Any, rate: Any) -> Float64:
     return np.asarray(np.clip((looks - mean) * rate, -FARTHEST, FARTHEST))
+
+
+def _components(numbers: Float64) -> tuple[Float64, Float64]:
+    """Singular values [P] and directions [P, D] of the principal components of numbers [K, D]."""
+    _, sizes, directions = np.linalg.svd(numbers, full_matrices=False)
+    return sizes[:FEATURES], directions[:FEATURES]
+
+
+def _along(parts: Any, numbers: Any) -> Float64:
+    """Numbers [..., D] along each part, and the length of what is left over: [..., P + 1]."""
+    along = numbers @ parts.T
+    rest = np.linalg.norm(numbers - along @ parts, axis=-1, keepdims=True)
+    return np.concatenate([along, rest], axis=-1)
 
 
 def _nearest_other(apart: Float64) -> Float64:
@@ -101,10 +122,11 @@ class Calibration:
                 f"{view!r} see the table?",
                 code="perception.calibration",
             )
-        looks = {
-            name: np.stack([look(blob) for blob in blobs[:MOST]]) for name, look in CHANNELS.items()
-        }
-        return cls(view, *size, {name: Channel.of(x) for name, x in looks.items()})
+        channels = {}
+        for name, look in CHANNELS.items():
+            looks = np.stack([look(blob) for blob in blobs[:MOST]])
+            channels[name] = Channel.of(looks, MARGINS[name])
+        return cls(view, *size, channels)
 
     def to_text(self) -> str:
         """Return it as one line of JSON."""
