@@ -227,8 +227,9 @@ class LearnerWorker:
         if not self._config.out:
             return
         arena = self._arena
-        about = self._config.seed, arena.design, arena.preset, arena.arm, arena.perception
-        extra = self.run.facts(self._started, *about)
+        about = {"design": arena.design, "preset": arena.preset, "arm": arena.arm}
+        about |= {"perception": arena.perception} if arena.perception else {}
+        extra = self.run.facts(self._started, self._config.seed, **about)
         try:
             save_checkpoint(checkpoint_of(Path(self._config.out)), self._learner, extra)
         except DivergedError:

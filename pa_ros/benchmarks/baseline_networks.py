@@ -27,7 +27,6 @@ from pa_ros.learning.algorithms.torch_engine import ACTOR, Inputs, TorchEngine
 from pa_ros.networks.canonical import FlattenedInput
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import Tensors
-from pa_ros.networks.properties import input_scales
 from pa_ros.world.programs import ProgramTable
 
 WIDTH = 128  # of what networks make of a scene and a goal
@@ -67,7 +66,7 @@ class Columns(nn.Module):
 
     def __init__(self, network: NetworkConfig) -> None:
         super().__init__()
-        self.register_buffer("scales", input_scales(network), persistent=False)
+        self.register_buffer("scales", torch.from_numpy(network.input_scales), persistent=False)
 
     def forward(self, objects: Tensor, arm: Tensor) -> Tensor:
         arms = arm[:, None].expand(-1, objects.shape[1], -1)

@@ -232,10 +232,7 @@ class Agent:
             )
         program, position = self.pursued(*step), step[0].observation.joint_position
         chosen = self._action(actor, step[0], program)
-        action = actor.network.world.joint_action(chosen, position)
-        self._step = None
-        self.last_command = Executed(CommandKey(*self.key, next(self._numbers)), action)
-        return action
+        return self._command(actor.network.world.joint_action(chosen, position))
 
     def hold(self) -> Float32:
         """Instead of `act`: the command that keeps the arm where it is, [J]. It is no experience.
@@ -246,9 +243,10 @@ class Agent:
             raise ActingError(
                 "action: expected an observation before it, got none", code="learning.step"
             )
-        joints = len(self._step[0].observation.joint_position)
+        return self._command(np.zeros(len(self._step[0].observation.joint_position), np.float32))
+
+    def _command(self, action: Float32) -> Float32:
         self._step = None
-        action = np.zeros(joints, np.float32)
         self.last_command = Executed(CommandKey(*self.key, next(self._numbers)), action)
         return action
 

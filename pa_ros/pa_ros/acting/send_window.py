@@ -107,7 +107,8 @@ class SendWindow:
         return replace(trajectory, held_from=self._held_from, first_of_run=self._first)
 
     def _accounted(self, policy: PublishedPolicy) -> int:
-        """Once these weights are here, no trajectory before this number is waited for."""
+        """By these weights, trajectories before this number were learned from, rejected or given
+        up."""
         return max(policy.accounted.get(self._agent, 0), self._given_up)
 
     def _drop_unneeded(self) -> None:
@@ -146,8 +147,7 @@ class FreeSendWindow(SendWindow):
         self._oldest_before = -1  # oldest unaccounted trajectory, one resend period ago
 
     def add(self, trajectory: Trajectory) -> Trajectory:
-        self._sent.append(trajectory)
-        self._next = trajectory.sequence + 1
+        super().add(trajectory)
         if len(self._sent) > FREE_WINDOW:
             del self._sent[0]
             self.lost += 1

@@ -11,35 +11,11 @@ from pa_ros.arena.references import mean_reward, random_policy, scripted_action
 from pa_ros.arena.task import ReachTask, scoring_of, world_of
 
 __all__ = [
-    "ARMS",
-    "DESIGNS",
-    "ENV_ID",
-    "PRESETS",
-    "ArenaChoice",
-    "ArenaConfig",
-    "ArenaError",
-    "ArmModel",
-    "Block",
-    "Condition",
-    "Design",
-    "PhysicsError",
-    "Episode",
-    "Joint",
-    "Kind",
-    "ReachEnv",
-    "ReachTask",
-    "RenderError",
-    "condition_named",
-    "conditions_for",
-    "design_named",
-    "generate",
-    "mean_reward",
-    "preset_named",
-    "random_policy",
-    "scoring_of",
-    "scripted_action",
-    "training_programs",
-    "world_of",
-]
+    "ARMS", "DESIGNS", "ENV_ID", "PRESETS", "ArenaChoice", "ArenaConfig", "ArenaError", "ArmModel",
+    "Block", "Condition", "Design", "PhysicsError", "Episode", "Joint", "Kind", "ReachEnv",
+    "ReachTask", "RenderError", "condition_named", "conditions_for", "design_named", "generate",
+    "mean_reward", "preset_named", "random_policy", "scoring_of", "scripted_action",
+    "training_programs", "world_of",
+]  # fmt: skip
 
 register()

@@ -160,9 +160,7 @@ class _Comparison:
 
     def _relevance(self, seen: list[Observation], *programs: Program) -> NDArray[np.float32]:
         """p of each program at each observation in float32, as the networks compute it."""
-        table = ProgramTable(self._vocabulary)
-        for program in programs:
-            table.add(program)
+        table = ProgramTable(self._vocabulary, programs)
         arms = map(self._world.arm, seen)
         scenes = zip(seen, arms, strict=True)
         phi = np.stack([self._inference.properties(o.objects, arm) for o, arm in scenes])

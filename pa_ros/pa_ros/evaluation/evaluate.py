@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import groupby
 from typing import Annotated, Literal, Protocol
 
@@ -124,16 +124,17 @@ def goal_ends(
 ) -> Iterator[Verdict]:
     """The last verdicts of episodes of a condition, each of which ends as soon as its goal holds or
     is violated."""
-    act: Callable[[Observation], Float64]
-    if isinstance(policy, str):
-        act = reference_policy(task, policy)
-    else:
-        act = lambda observation: policy(observation, task.program)  # noqa: E731
+    act = reference_policy(task, policy) if isinstance(policy, str) else pursuing(task, policy)
     for index in range(episodes):
         observation, verdict = task.reset(index, condition)
         while not (verdict.satisfied or verdict.violated or verdict.truncated):
             observation, verdict = task.step(act(observation))
         yield verdict
+
+
+def pursuing(task: ReachTask, policy: AgentPolicy) -> Callable[[Observation], Float64]:
+    """An agent's policy, under the program that the task's verifier pursues at each step."""
+    return lambda observation: policy(observation, task.program)
 
 
 def reference_policy(task: ReachTask, name: str) -> Callable[[Observation], Float64]:
@@ -235,7 +236,7 @@ def evaluate_programs(
             except ProgramError:  # it names nothing here
                 continue
             if not verdict.satisfied:
-                scores.append(_run_episode(task, partial(_asked, policy, program), observation))
+                scores.append(_run_episode(task, pursuing(task, policy), observation))
         if len(scores) < episodes:
             raise ConfigError(
                 f"evaluate: expected {episodes} scenes in which {program} can hold, found "
@@ -244,10 +245,6 @@ def evaluate_programs(
             )
         rows.append(_row(str(program), scores))
     return rows
-
-
-def _asked(policy: AgentPolicy, program: Program, observation: Observation) -> Float64:
-    return policy(observation, program)
 
 
 class Acts(Protocol):
@@ -298,11 +295,7 @@ class TrainingScores:
 
     def __call__(self, actor: Acts) -> dict[str, float]:
         """`{train,eval}_greedy.{reward_per_step,normalized,success_rate}`."""
-        policy = policy_of(actor, self.task.world, self.task.config)
-
-        def act(observation: Observation) -> Float64:
-            return policy(observation, self.task.program)
-
+        act = pursuing(self.task, policy_of(actor, self.task.world, self.task.config))
         row: dict[str, float] = {}
         for condition in self._conditions:
             scores = list(run_episodes(self.task, act, condition, self._episodes))

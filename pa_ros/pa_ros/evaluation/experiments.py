@@ -36,7 +36,7 @@ from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
 from pa_ros.learning.interfaces import Evaluate
-from pa_ros.learning.protocols import DEEP, PUSH, LearningSettings, usual_protocol
+from pa_ros.learning.protocols import DEEP, DPG, OURS, PUSH, LearningSettings, usual_protocol
 from pa_ros.perception import TOLD, VIEWS, task_seen
 from pa_ros.world.relation import SIDES
 
@@ -44,7 +44,6 @@ log = logging.getLogger(__name__)
 
 SOLVED = 0.9  # held-out score
 FINAL_EPISODES = 100
-DPG, OURS = "dpg", "ours"  # the defaults, which names of tables leave out
 # Measures in learning curves: reward beside the references, and, where objects are moved, the share
 # of episodes that end with the program satisfied.
 NORMALIZED, SUCCESS = "normalized", "success_rate"

@@ -15,6 +15,7 @@ from pa_ros.evaluation.blind import BLIND, blind_policy
 from pa_ros.evaluation.evaluate import (
     EPISODES_SEED,
     layouts_seed,
+    pursuing,
     reference_policy,
     run_episodes,
 )
@@ -61,9 +62,9 @@ class Scorer:
     def _task(self, condition: str, perception: str = "") -> ReachTask:
         of = self.benchmark
         seed = layouts_seed(of.seed, condition) if of.layouts == "own" else of.seed
-        key, told = (seed, perception), (of.arena, of.design, seed)
+        key = seed, perception
         if key not in self._tasks:
-            self._tasks[key] = task_seen(*told, perception) if perception else ReachTask(*told)
+            self._tasks[key] = task_seen(of.arena, of.design, *key)
         return self._tasks[key]
 
     def reference(self, name: str, condition: str) -> list[EpisodeScore]:
@@ -74,12 +75,7 @@ class Scorer:
     def agent(self, agent: TrainedAgent, condition: str) -> list[EpisodeScore]:
         """Scores of a trained agent that acts greedily."""
         task = self._task(condition, agent.perception)
-
-        def policy() -> Callable[[Observation], Float64]:
-            act = agent.policy
-            return lambda observation: act(observation, task.program)
-
-        return self._scores(agent.key, condition, policy, task)
+        return self._scores(agent.key, condition, lambda: pursuing(task, agent.policy), task)
 
     def normalized(self, condition: str, scores: Sequence[EpisodeScore]) -> float:
         """Their mean reward, 0 for random actions and 1 for the script on the same episodes."""

@@ -84,7 +84,10 @@ def check_failures(failures: Mapping[str, PaError]) -> None:
     """Raise EvaluationError if there are any, named by what failed."""
     if failures:
         what = "; ".join(f"{name}: {error}" for name, error in failures.items())
-        raise EvaluationError(f"all others are done, but {what}", code="evaluation.failed")
+        raise EvaluationError(
+            f"expected all to succeed, but failed: {what}; the others are done",
+            code="evaluation.failed",
+        )
 
 
 def folder_of(folder: Path, seed: int) -> Path:
@@ -111,7 +114,7 @@ class SeedsProgress:
         """Read the learning curves and redraw the bar."""
         reached = 0.0
         for curve in self._curves:
-            with suppress(EvaluationError):  # the seed itself fails for it
+            with suppress(EvaluationError):  # its training reports a damaged curve
                 reached += min(frames_done(curve), self._frames)
         self._bar.update(self._bar.task_ids[0], completed=reached)
 

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from pa_ros.evaluation.experiments import (
-    DPG,
     NORMALIZED,
     SeedSummary,
     seeds_table,
@@ -19,6 +18,7 @@ from pa_ros.evaluation.experiments import (
 )
 from pa_ros.evaluation.scores import mean_interval
 from pa_ros.evaluation.tables import EvaluationError, read_curves, read_rows, read_setting
+from pa_ros.learning.protocols import DPG
 
 NO_VARIANTS = "evaluation.no_variants"
 _SAME = ("arm", "preset", "protocol", "algorithm")  # in all tables that are compared
@@ -81,14 +81,12 @@ def compare(
         seeds_of[table.stem] = seeds
         changed = settings[table][by]
         if not isinstance(changed, str):
-            changed = " ".join(f"{name}={_text(value)}" for name, value in changed.items())
+            changed = " ".join(
+                f"{name}={value if isinstance(value, str) else json.dumps(value)}"
+                for name, value in changed.items()
+            )
         rows.append(_variant(table.stem, changed, seeds, frames))
     return rows, seeds_of
-
-
-def _text(value: object) -> str:
-    """A setting's value as text."""
-    return value if isinstance(value, str) else json.dumps(value)
 
 
 def _until(

@@ -175,15 +175,11 @@ def relevance(
     gives the row of each word. Returns p, [N]; p of the hand is 1.
     Raises ProgramError (program.unknown_word) if a word of the program has no row.
     """
-    of = _of_object(program, phi, row, hand_index, logic, bodiless)
-
-    def either(j: int) -> float:
-        moved, target = of(j)
-        both = target if program.moves_hand else logic.either(moved, target)
-        value: float = logic.either(1.0 if j == hand_index else 0.0, both)
-        return value
-
-    return [either(j) for j in range(len(phi[0]) if phi else 0)]
+    moved, target = role_relevance(program, phi, row, hand_index, logic, bodiless)
+    p = target if program.moves_hand else list(map(logic.either, moved, target))
+    if p:
+        p[hand_index] = 1.0
+    return p
 
 
 def role_relevance(
@@ -198,35 +194,20 @@ def role_relevance(
 
     Only HAND contains the hand. Otherwise as `relevance`.
     """
-    of = _of_object(program, phi, row, hand_index, logic, bodiless)
-    pairs = [list(of(j)) for j in range(len(phi[0]) if phi else 0)]
-    if pairs:
-        hand = pairs[hand_index]
-        hand[:] = float(program.moves_hand), float(program.target == HAND)
-    return [moved for moved, _ in pairs], [target for _, target in pairs]
-
-
-def _of_object(
-    program: Program,
-    phi: Sequence[Sequence[float]],
-    row: Mapping[str, int],
-    hand_index: int,
-    logic: Logic,
-    bodiless: Collection[str],
-) -> Callable[[int], tuple[float, float]]:
-    """The degrees of column j in the two sets, with Φ's own numbers at the hand."""
     check_words(program, row)
 
-    def of(j: int) -> tuple[float, float]:
-        def value(word: str) -> float:
-            return float(j == hand_index) if word == HAND.name else phi[row[word]][j]
+    def of(expression: Expression, j: int) -> float:
+        if j == hand_index or expression == HAND:
+            return float(j == hand_index and expression == HAND)
+        value: float = degree(expression, lambda word: phi[row[word]][j], logic)
+        return value
 
-        moved, target = (degree(e, value, logic) for e in (program.moved, program.target))
-        if bodiless and not program.moves_hand:
-            moved = logic.both(moved, 1.0 - reduce(logic.either, map(value, bodiless)))
-        return moved, target
-
-    return of
+    objects = range(len(phi[0]) if phi else 0)
+    moved = [of(program.moved, j) for j in objects]
+    if bodiless and not program.moves_hand:
+        without_body = Or(tuple(map(Word, bodiless)))
+        moved = [logic.both(m, 1.0 - of(without_body, j)) for j, m in enumerate(moved)]
+    return moved, [of(program.target, j) for j in objects]
 
 
 def check_words(program: Program, known: Mapping[str, int], avoids: bool = False) -> None:

@@ -178,18 +178,11 @@ class _Parser:
             raise _too_large(self._source, name.span, "deep", limit, "more")
         if name.text == "AVOID":
             return self._parse_avoid(name, depth)
-        self._take("(")
-        goals = [] if self._token.kind == ")" else [self._parse_goal(depth + 1)]
-        while goals and self._token.kind == ",":
-            self._advance()
-            goals.append(self._parse_goal(depth + 1))
-        if self._token.kind != ")":
-            raise self._unexpected("',' or ')'")
-        closing = self._advance()
+        goals, closing = self._parse_arguments(lambda: self._parse_goal(depth + 1))
         if len(goals) < 2:
             raise self._wrong_arity(name.text, name, len(goals), closing)
         kind = Then if name.text == "THEN" else All
-        return kind(tuple(goals))
+        return kind(goals)
 
     def _parse_avoid(self, name: Token, depth: int) -> Goal:
         """avoid = "AVOID" "(" expression "," goal ")" ;"""
@@ -243,7 +236,7 @@ class _Parser:
         if name.text not in self._vocabulary.comparisons:
             return "", self._parse_expression(ARGUMENT)
         self._advance()
-        operands, closing = self._parse_arguments(ARGUMENT + 1)
+        operands, closing = self._parse_arguments(lambda: self._parse_expression(ARGUMENT + 1))
         if len(operands) != 1:
             raise self._wrong_arity(name.text, name, len(operands), closing)
         return name.text, operands[0]
@@ -271,7 +264,7 @@ class _Parser:
         """operation = ( "AND" | "OR" ) "(" expression "," expression { "," expression } ")"
         | "NOT" "(" expression ")" ;
         """
-        operands, closing = self._parse_arguments(depth + 1)
+        operands, closing = self._parse_arguments(lambda: self._parse_expression(depth + 1))
         if name.text == "NOT":
             if len(operands) != 1:
                 raise self._wrong_arity("NOT", name, len(operands), closing)
@@ -280,13 +273,13 @@ class _Parser:
             raise self._wrong_arity(name.text, name, len(operands), closing)
         return And(operands) if name.text == "AND" else Or(operands)
 
-    def _parse_arguments(self, depth: int) -> tuple[tuple[Expression, ...], Token]:
-        """arguments = "(" [ expression rest ] ")" ;"""
+    def _parse_arguments(self, part: Callable[[], Part]) -> tuple[tuple[Part, ...], Token]:
+        """arguments = "(" [ part rest ] ")" ;"""
         self._take("(")
         if self._token.kind == ")":
             return (), self._take(")")
-        first = self._parse_expression(depth)
-        rest, closing = self._parse_rest(lambda: self._parse_expression(depth))
+        first = part()
+        rest, closing = self._parse_rest(part)
         return (first, *rest), closing
 
     def _parse_rest(self, part: Callable[[], Part]) -> tuple[tuple[Part, ...], Token]:

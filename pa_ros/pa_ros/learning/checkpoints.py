@@ -118,8 +118,8 @@ def camera_of(path: Path) -> str:
     if found := str(read_metadata(path)["extra"].get("perception", "")):
         return found
     raise ConfigError(
-        f"perception: expected an agent that sees through a camera, got {str(path)!r}, which is "
-        "told what blocks are"
+        f"perception: expected an agent that sees through a camera, got {str(path)!r}, which was "
+        "trained without one"
     )
 
 

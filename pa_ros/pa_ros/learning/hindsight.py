@@ -62,15 +62,13 @@ class Hindsight:
         scoring: Scoring,
         config: HindsightConfig,
     ) -> None:
-        self._table = ProgramTable(world.vocabulary)
         joined = {
             (i, j): either
             for i, j in combinations(range(len(programs)), 2)
             if (either := _either(programs[i], programs[j])) is not None
         }
         self.programs = (*programs, *joined.values())
-        for program in self.programs:
-            self._table.add(program)
+        self._table = ProgramTable(world.vocabulary, self.programs)
         self._joined = np.full((len(programs), len(programs)), -1, np.int32)  # rows of ORs
         for row, (i, j) in enumerate(joined, start=len(programs)):
             self._joined[i, j] = self._joined[j, i] = row

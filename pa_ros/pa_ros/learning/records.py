@@ -47,7 +47,7 @@ class Records:
         self._progress = ProgressLog(config.out / "progress.csv", frames)
 
     def add_rewards(self, rewards: Sequence[float]) -> None:
-        """Add an episode's, one by one, so that the sum does not depend on a stop between."""
+        """Add an episode's, one by one: a run that was stopped and resumed has the same sum."""
         for reward in rewards:
             self._reward_sum += reward
         self._reward_steps += len(rewards)
@@ -66,7 +66,7 @@ class Records:
         }
 
     def add(self, row: Mapping[str, float]) -> None:
-        """Append a row to progress.csv; a full disk costs no row, it is written with the next."""
+        """Append a row to progress.csv. If the disk is full, it is written with the next row."""
         try:
             self._progress.add(row)
         except OSError as error:

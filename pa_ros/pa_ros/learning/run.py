@@ -46,25 +46,13 @@ class LearningRun:
         older = [PublishedPolicy(one, *ids, stamp_ns=now) for one in self.learner.published]
         return [*older[:-1], self.policy()]
 
-    def facts(
-        self,
-        started_s: float,
-        seed: int,
-        design: str,
-        preset: str,
-        arm: str,
-        perception: str = "",
-    ) -> Facts:
+    def facts(self, started_s: float, seed: int, **environment: str) -> Facts:
         """What a checkpoint holds beside the learner; `started_s`: on the steady clock.
-        `perception`: the calibration of a camera, empty if properties are told."""
-        seen = {"perception": perception} if perception else {}
+        `environment`: as in TrainConfig."""
         return {
-            **seen,
+            **environment,
             "wall_s": time.monotonic() - started_s,
             "seed": seed,
-            "design": design,
-            "preset": preset,
-            "arm": arm,
             "run_id": self.info.run_id,
             MADE_ON: self._made_on,
         }
@@ -99,9 +87,9 @@ class LearningRun:
         """Raise LearningError for a trajectory that its agent cannot have sent; count it nowhere.
 
         An agent waits for weights that account for its trajectories, or keeps few of them, so it is
-        never far ahead of what arrived lately. A forged number would end the real agent's. Only
-        after a silence is an agent believed whatever it says: its learner has restarted, or it was
-        cut off.
+        never far ahead of what arrived lately. If a forged high number were accepted, the real
+        agent's next trajectories would look like old ones. An agent may name any number only after
+        it has sent nothing for SILENT_S: its learner restarted, or it was cut off.
         """
         agent, now = trajectory.agent, time.monotonic()
         first = self.learner.replay.ledger.accounted().get(agent, 0)

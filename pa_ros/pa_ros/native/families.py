@@ -26,8 +26,6 @@ from pa_ros.world.programs import Int32, ProgramTable
 def _world(network: NetworkConfig) -> dict[str, Any]:
     """The world as the library takes it, with inputs as networks see them."""
     world, words = network.world, []
-    scales = world.schema.scales
-    scales[:3] = network.position_scale
     for group in world.schema:
         known, by = group.features.prototypes, group.features.scale
         for word in world.vocabulary[group.name]:
@@ -37,7 +35,7 @@ def _world(network: NetworkConfig) -> dict[str, Any]:
     return {
         "arm_features": world.arm_features,
         "actions": world.actions,
-        "scale": scales.tolist(),
+        "scale": network.input_scales.tolist(),
         "group_sizes": list(world.vocabulary.group_sizes),
         "words": words,
     }

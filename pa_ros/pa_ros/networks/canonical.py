@@ -15,7 +15,7 @@ from torch import Tensor, nn
 
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import canonical_inputs, slot_values
-from pa_ros.networks.properties import TrueProperties, input_scales
+from pa_ros.networks.properties import TrueProperties
 
 
 class FlattenedInput(nn.Module):
@@ -29,7 +29,7 @@ class FlattenedInput(nn.Module):
         self.true = TrueProperties(config.world)
         slots = torch.from_numpy(slot_values(config.world))
         self.register_buffer("slots", slots, persistent=False)
-        self.register_buffer("scales", input_scales(config), persistent=False)
+        self.register_buffer("scales", torch.from_numpy(config.input_scales), persistent=False)
 
     def forward(self, objects: Tensor, arm: Tensor, target: Tensor, hand_index: int) -> Tensor:
         """Flatten objects [B, N, F], arm [B, A] and target one-hots [B, K, V]."""

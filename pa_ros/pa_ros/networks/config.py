@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import Float32
 from pa_ros.core.settings import OneOf, Settings, canonical_json, read_json
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.networks.families import FAMILIES, Programmable
@@ -25,16 +26,16 @@ class NetworkSettings(Settings):
     - "canonical": MLPs on the flattened Ω; see `pa_ros.networks.canonical`.
     - or one that an extension registers.
 
-    With `relations_see_properties` false, f, r and the neighbourhood attention have zero weights
-    for an object's properties, and keep them: what an object is reaches the action only
-    through p, so nothing else can come to rely on the properties seen in training. The paper gives
-    f and r the whole of ω.
+    With `relations_see_properties` false, f, r and the neighbourhood attention do not see an
+    object's properties: these weights are zero and stay zero. What an object is then reaches the
+    action only through p, so f and r cannot learn the looks of training objects. The paper gives f
+    and r the whole of ω.
 
     `self_weight` multiplies exp α̃_ii, the attention that an object pays to itself: 1 is the paper's
     formula as it stands, at 0 the sums over j and k in eq. message-passing and α leave out i. The
-    hand's relevance is 1 and a block's at first far less, so that with 1 hardly anything of the
-    blocks reaches h; with 0 only the ratios of p count, and nothing keeps the detectors' degrees
-    from drifting into words that no program uses.
+    hand's relevance is 1 and a block's at first far less. So with 1 hardly anything of the blocks
+    reaches h. With 0 only the ratios of p matter, and detectors may drift to words that no program
+    uses.
 
     The paper does not give the initial weights of the programmable networks: all layers are uniform
     in ±1/√fan-in (torch's default for Linear) but for what the settings of initial weights say.
@@ -99,6 +100,13 @@ class NetworkConfig(NetworkSettings):
         return self.world.vocabulary
 
     @property
+    def input_scales(self) -> Float32:
+        """Network units per unit of each feature of an object, [F]."""
+        scales = self.world.schema.scales
+        scales[:3] = self.position_scale
+        return scales
+
+    @property
     def actor(self) -> str:
         """Name of the family of the actor: families whose actors are the same share weights."""
         return FAMILIES[self.family].actor or self.family
@@ -106,17 +114,6 @@ class NetworkConfig(NetworkSettings):
     @cached_property
     def architecture(self) -> str:
         """Canonical JSON of what an actor's tensors mean: equal text, exchangeable weights."""
-        return canonical_json(
-            {
-                **self._sizes(),
-                "actor": self.actor,
-                "position_scale": float(self.position_scale),
-                "world": self.world.to_data(),
-            }
-        )
-
-    def _sizes(self) -> dict[str, Any]:
-        """The actor's sizes."""
         family = FAMILIES[self.family]
         sizes = {name: getattr(self, setting) for name, setting in family.sizes.items()}
         if isinstance(family, Programmable):
@@ -124,7 +121,8 @@ class NetworkConfig(NetworkSettings):
                 sizes["self_weight"] = float(self.self_weight)
             if self.upper_layers:  # likewise
                 sizes["upper_layers"] = self.upper_layers
-        return sizes
+        given = {"position_scale": float(self.position_scale), "world": self.world.to_data()}
+        return canonical_json({**sizes, "actor": self.actor, **given})
 
     def to_json(self) -> str:
         """Canonical JSON of every setting, the world among them."""

@@ -34,9 +34,8 @@ def degrees(
     """
     if not family_of(network).detects(critic=False):
         return np.asarray(network.world.truth(objects).T)
-    scale = network.world.schema.scales.copy()
-    scale[:3] = network.position_scale
-    columns = np.hstack([objects * scale, np.tile(arm, (len(objects), 1))])  # ω, [N, F + A]
+    arms = np.tile(arm, (len(objects), 1))
+    columns = np.hstack([objects * network.input_scales, arms])  # ω, [N, F + A]
     weight, bias = (tensors[name] for name in LAYERS)
     logits = np.float32(logic.sharpness) * (columns @ weight.T + bias)  # [N, V]
     ends = np.cumsum(network.vocabulary.group_sizes)[:-1]

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pa_ros.networks.config import NetworkConfig
 
 LILLICRAP_OUTPUT_SCALE = 3e-3  # Lillicrap et al. 2015, section 7
-RELATIONS = ("query", "context", "local.0", "message.0")  # layers that f, r and α read ω with
+RELATIONS = ("query", "context", "local.0", "message.0")  # layers of f, r and α whose input is ω
 
 Shapes = dict[str, tuple[int, ...]]
 """Shapes of tensors by state-dict name."""
@@ -237,9 +237,7 @@ def family_of(network: NetworkConfig) -> Family:
 
 def codes_of(program: Program, network: NetworkConfig) -> Codes:
     """One program as the networks take it, arrays [1, …]; NetworkError if they cannot."""
-    table = ProgramTable(network.vocabulary)
-    table.add(program)
-    return family_of(network).codes(table)
+    return family_of(network).codes(ProgramTable(network.vocabulary, [program]))
 
 
 def uniform(

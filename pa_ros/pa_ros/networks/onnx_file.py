@@ -19,11 +19,10 @@ from pa_ros.language import MIN_MAX, Program
 from pa_ros.language.flat import AND, NOT, OR, compile_program
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.detectors import sharpened
-from pa_ros.networks.parameters import NOTHING, Tensors
+from pa_ros.networks.parameters import LITTLE, NOTHING, Tensors
 from pa_ros.world.poses import POSE_WIDTH
 
 OPSET, IR_VERSION = 17, 8  # of 2022, so that older runtimes read the files
-LITTLE = 1e-6  # `programmable.LITTLE`, which needs torch
 
 
 def program_inputs(program: Program, network: NetworkConfig) -> dict[str, Any]:
@@ -175,10 +174,8 @@ def _actor(g: _Graph, network: NetworkConfig, tensors: Tensors) -> tuple[str, st
     arm = g("Concat", *joints, *["hand_pose"] * world.sees_hand_pose, axis=-1)  # [B, A]
     batch, count = g("Shape", "objects", start=0, end=1), g("Shape", "objects", start=1, end=2)
     shape = g("Concat", batch, count, [world.arm_features], axis=0)
-    scale = world.schema.scales.copy()
-    scale[:3] = network.position_scale
     arms = g("Expand", g("Unsqueeze", arm, [1]), shape)
-    columns = g("Concat", g("Mul", "objects", scale), arms, axis=-1)  # ω, [B, N, C]
+    columns = g("Concat", g("Mul", "objects", network.input_scales), arms, axis=-1)  # ω, [B, N, C]
     registers = _registers(g, network, linear("detectors", columns), batch, count)
     p = g("Gather", registers, np.int64(-1), axis=1)  # [B, N]
 

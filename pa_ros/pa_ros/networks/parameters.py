@@ -12,10 +12,11 @@ from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.families import Shapes, Tensors, family_of
 
 __all__ = [
-    "NOTHING", "Tensors", "actor_shapes", "check_tensors", "critic_shapes", "initial_actor",
-    "initial_critic", "not_finite",
+    "LITTLE", "NOTHING", "Tensors", "actor_shapes", "check_tensors", "critic_shapes",
+    "initial_actor", "initial_critic", "not_finite",
 ]  # fmt: skip
 
+LITTLE = 1e-6  # added to the sum of the pairs' weights before they are divided by it
 NOTHING = 1e-30  # α's sum of relevances is taken to be at least this
 
 

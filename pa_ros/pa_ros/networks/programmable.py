@@ -17,11 +17,9 @@ from torch.nn import functional as F
 from pa_ros.language import PRODUCT, Logic
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import family_of
-from pa_ros.networks.parameters import NOTHING
-from pa_ros.networks.properties import TrueProperties, input_scales
+from pa_ros.networks.parameters import LITTLE, NOTHING
+from pa_ros.networks.properties import TrueProperties
 from pa_ros.networks.relevance import relevant_objects, relevant_roles
-
-LITTLE = 1e-6  # added to the sum of the pairs' weights before they are divided by it
 
 
 @dataclass(frozen=True)
@@ -72,14 +70,12 @@ class Detectors(nn.Module):
     degrees: PRODUCT, unless an actor is set to another.
     """
 
-    logic: Logic
-
+    logic: Logic = PRODUCT
     scales: Tensor  # [F]
     seen: Tensor  # [F + A]: 1 for what may act on the action but through p, else 0
 
     def __init__(self, config: NetworkConfig, learned_detectors: bool = True) -> None:
         super().__init__()
-        self.logic = PRODUCT
         self._group_sizes = config.vocabulary.group_sizes
         columns = config.world.columns
         self._learned = learned_detectors
@@ -89,7 +85,7 @@ class Detectors(nn.Module):
             self.detectors.weight.data *= config.detector_init_scale
             self.detectors.bias.data *= config.detector_init_scale * config.detectors_have_biases
         self.true = TrueProperties(config.world)
-        self.register_buffer("scales", input_scales(config), persistent=False)
+        self.register_buffer("scales", torch.from_numpy(config.input_scales), persistent=False)
         seen = torch.ones(columns)
         if not config.relations_see_properties:
             seen[config.world.schema.properties] = 0.0

@@ -1,19 +1,11 @@
-"""True properties of objects, and the scales of the networks' inputs (torch)."""
+"""True properties of objects (torch)."""
 
 from __future__ import annotations
 
 import torch
 from torch import Tensor, nn
 
-from pa_ros.networks.config import NetworkConfig
 from pa_ros.world.world import World
-
-
-def input_scales(config: NetworkConfig) -> Tensor:
-    """Network units per unit of each feature of an object, [F]."""
-    scales = torch.from_numpy(config.world.schema.scales)
-    scales[:3] = config.position_scale
-    return scales
 
 
 class TrueProperties(nn.Module):

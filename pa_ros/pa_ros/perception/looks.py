@@ -19,9 +19,9 @@ LITTLE = 1e-3  # added to what is divided by
 
 def color(blob: Blob) -> Float64:
     """Shares of red, green and blue, [3]."""
-    mean = _inside(blob).mean(0) if (blob.mask > 0.5).any() else np.zeros(3)
-    share: Float64 = np.float64(mean) / (np.float64(mean).sum() + LITTLE)
-    return share
+    inside = blob.crop[blob.mask > 0.5]
+    mean = inside.mean(0).astype(np.float64) if len(inside) else np.zeros(3)
+    return np.asarray(mean / (mean.sum() + LITTLE))
 
 
 def shape(blob: Blob) -> Float64:
@@ -34,15 +34,9 @@ def shape(blob: Blob) -> Float64:
 
 CHANNELS = {"shape": shape, "color": color}
 """The measurement for each property group."""
-
-
-def _inside(blob: Blob) -> Float32:
-    return blob.crop[blob.mask > 0.5]
+NEEDS_ALL = ("shape",)  # groups that are measured only where the whole object is seen
 
 
 def _small(image: Float32) -> Float32:
     small = cv2.resize(image, (GRID, GRID), interpolation=cv2.INTER_AREA)
     return np.asarray(small, np.float32).ravel()
-
-
-NEEDS_ALL = ("shape",)  # a part of an object does not tell these

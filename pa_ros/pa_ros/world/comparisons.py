@@ -9,22 +9,16 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from pa_ros.core.experience import Float32, Float64
-from pa_ros.language.syntax import OF_PLACES, OF_SIZES, SIZE
+from pa_ros.language.syntax import OF_SIZES, SIZE
 from pa_ros.world.poses import POSE_WIDTH, in_base
 from pa_ros.world.schema import ObjectSchema
 
-SCORES: dict[str, Callable[[Float64], Float64]] = dict(
-    zip(
-        OF_PLACES,
-        (
-            lambda place: place[..., 1],
-            lambda place: -place[..., 1],
-            lambda place: -np.hypot(place[..., 0], place[..., 1]),
-            lambda place: np.hypot(place[..., 0], place[..., 1]),
-        ),
-        strict=True,
-    )
-)
+SCORES: dict[str, Callable[[Float64], Float64]] = {
+    "LEFTMOST": lambda place: place[..., 1],
+    "RIGHTMOST": lambda place: -place[..., 1],
+    "NEAREST": lambda place: -np.hypot(place[..., 0], place[..., 1]),
+    "FARTHEST": lambda place: np.hypot(place[..., 0], place[..., 1]),
+}
 """Of places [..., 3] (m) in the base's frame, whose x is before the arm and whose y is to its left:
 the greatest score is chosen. Near and far are meant from the base."""
 

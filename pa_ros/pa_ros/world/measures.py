@@ -24,9 +24,7 @@ class ProgramMeasures:
     """
 
     def __init__(self, programs: Sequence[Program], world: World, scoring: Scoring) -> None:
-        self._table = ProgramTable(world.vocabulary)
-        for program in programs:
-            self._table.add(program)
+        self._table = ProgramTable(world.vocabulary, programs)
         self._world, self._scoring = world, scoring
         asked = self._table.relations()
         pushes = np.array([not program.moves_hand for program in self._table.programs])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -28,11 +30,13 @@ _TRUTH = np.array(  # [op, x, y]: the same operations on {0, 1}
 class ProgramTable:
     """Compiled programs of one vocabulary, numbered from 0 in the order of `add`."""
 
-    def __init__(self, vocabulary: Vocabulary) -> None:
+    def __init__(self, vocabulary: Vocabulary, programs: Iterable[Program] = ()) -> None:
         self.vocabulary = vocabulary
         self._rows: dict[Program, int] = {}
         self._flat: list[FlatProgram] = []
         self._arrays: Arrays | None = None
+        for program in programs:
+            self.add(program)
 
     def __len__(self) -> int:
         return len(self._flat)

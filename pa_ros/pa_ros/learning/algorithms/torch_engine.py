@@ -173,7 +173,8 @@ class TorchEngine(ABC):
     def tensors(self) -> Arrays:
         """Everything an update depends on; see `Engine.tensors` for the names."""
         tensors: Arrays = {k: value.cpu().numpy().copy() for k, value in self._named().items()}
-        return tensors | {k: np.array(value, np.int64) for k, value in self._steps().items()}
+        steps = {f"adam.{name}.step": self.updates(name) for name in self._adams}
+        return tensors | {name: np.array(step, np.int64) for name, step in steps.items()}
 
     def load_tensors(self, tensors: Arrays) -> None:
         """The inverse of `tensors`, of an engine with the same networks."""
@@ -195,9 +196,6 @@ class TorchEngine(ABC):
     def updates(self, name: str) -> int:
         """How many steps of Adam a network has had."""
         return int(next(iter(self._adams[name].state.values()))["step"])
-
-    def _steps(self) -> dict[str, int]:
-        return {f"adam.{name}.step": self.updates(name) for name in self._adams}
 
     def _named(self) -> dict[str, Tensor]:
         """The live tensors by the names of `Engine.tensors`."""

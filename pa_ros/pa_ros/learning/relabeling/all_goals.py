@@ -25,8 +25,8 @@ from pa_ros.world.world import World
 
 MAX_PROGRAMS = 64  # bits of a mask
 AVOIDING = 0.5  # share of drawn programs that avoid a set, where networks learn to
-# Share of transitions under the avoiding program that acted: its set is close to its target, which
-# is seldom true of drawn ones, and hard.
+# Share of transitions that keep the avoiding program under which they were collected. There the set
+# to avoid is close to the target, which is hard to learn and rare in drawn programs.
 KEPT = 0.3
 
 Int32 = NDArray[np.int32]

@@ -2,8 +2,8 @@
 
 Not in the paper. Training does not determine what detectors say of a block that shows no known
 property: their biases decide, and they make such a block as likely RED as not. Blocks that a drawn
-program names keep their properties, so rewards stay as they are; the others must be passed by
-whatever they are.
+program names keep their properties, so rewards stay as they are; all other blocks must be ignored,
+whatever they look like.
 """
 
 from __future__ import annotations

@@ -35,9 +35,7 @@ class SeenSets:
                 f"seen, got {len(programs)}"
             )
         self._programs, self._world, self._scoring = programs, world, scoring
-        self._table = ProgramTable(world.vocabulary)
-        for program in self._programs:
-            self._table.add(program)
+        self._table = ProgramTable(world.vocabulary, programs)
 
     def __call__(
         self, objects: Float32, hand_index: int, hand_pose: Float32, measures: Float64

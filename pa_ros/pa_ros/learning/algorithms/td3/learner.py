@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import torch
 from torch import Tensor
@@ -11,9 +9,6 @@ from torch.nn import functional as F
 
 from pa_ros.learning.algorithms.td3.config import CRITICS, TD3Config
 from pa_ros.learning.algorithms.torch_engine import Inputs, TorchEngine
-from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.parameters import Tensors
-from pa_ros.world.programs import ProgramTable
 
 SMOOTHING_STREAM = 0x7D3  # of default_rng([stream, update])
 
@@ -24,15 +19,7 @@ class TorchTD3(TorchEngine):
     As DPG's here, all gradients of an update are taken at the parameters before it.
     """
 
-    def __init__(
-        self,
-        network: NetworkConfig,
-        config: TD3Config,
-        table: ProgramTable,
-        initial: Mapping[str, Tensors],
-    ) -> None:
-        super().__init__(network, config, table, initial)
-        self._settings = config
+    _config: TD3Config
 
     def step(self, x: Inputs) -> tuple[Tensor, Tensor]:
         """Update the critics, and every `delay` updates actor and targets."""
@@ -43,7 +30,7 @@ class TorchTD3(TorchEngine):
             self.networks[name].head(h, x.action) for name, h in zip(CRITICS, features, strict=True)
         ]
         losses = [F.mse_loss(q, target) for q in values_of]
-        follows = (update + 1) % self._settings.delay == 0
+        follows = (update + 1) % self._config.delay == 0
         if follows:
             self._improve(x, features[0].detach())
         for name, loss in zip(CRITICS, losses, strict=True):
@@ -67,7 +54,7 @@ class TorchTD3(TorchEngine):
 
     def _noise(self, shape: torch.Size, update: int) -> Tensor:
         """ε, [B, K, J], a function of the number of updates alone, so resuming needs no state."""
-        smoothing = self._settings.smoothing
+        smoothing = self._config.smoothing
         drawn = np.random.default_rng([SMOOTHING_STREAM, update]).normal(0, smoothing.sigma, shape)
         return torch.from_numpy(drawn.clip(-smoothing.clip, smoothing.clip)).to(
             self.device, self.dtype
@@ -87,4 +74,4 @@ class TorchTD3(TorchEngine):
         for name, module in self.networks.items():
             pairs = zip(self.targets[name].parameters(), module.parameters(), strict=True)
             for target, parameter in pairs:
-                target.lerp_(parameter, self._settings.targets.tau)
+                target.lerp_(parameter, self._config.targets.tau)
