@@ -1,18 +1,13 @@
 """Entry point of `sim_node`."""
 
-from __future__ import annotations
-
 import sys
-from typing import TYPE_CHECKING
+from typing import Any
 
 from pa_ros.core.software import check_opengl
-from pa_ros.ros.node_main import Shell, run_node
-
-if TYPE_CHECKING:
-    from pa_ros.core.settings import Settings
+from pa_ros.ros.node_main import run_node
 
 
-def make() -> Shell:
+def make() -> Any:
     """The node; imported here, after the environment is prepared."""
     check_opengl()
     from sim_node.node import SimNode
@@ -20,16 +15,12 @@ def make() -> Shell:
     return SimNode()
 
 
-def settings() -> type[Settings]:
-    """The node's parameters."""
-    from sim_node.config import SimConfig
-
-    return SimConfig
+NODE = make
 
 
 def main() -> int:
     """Run the arena until SIGINT or SIGTERM; the exit status."""
-    return run_node("sim_node", make, settings)
+    return run_node("sim_node", NODE, settings="sim_node.config:SimConfig")
 
 
 if __name__ == "__main__":

@@ -99,6 +99,9 @@ def test_episodes_with_missing_steps_or_actions_are_left_out(changing, stepped, 
     assert main(["bag", "export", str(cut), "--lerobot", str(tmp_path / "set")]) == 1
     assert "left out, because steps or actions are missing: [7]" in capsys.readouterr().out
     assert described(tmp_path / "set")["total_episodes"] == 1
+    other = ["--lerobot", str(tmp_path / "other"), "--episodes", "7", "99"]
+    assert main(["bag", "export", str(stepped), *other]) == 2
+    assert "does not contain episodes [99]" in capsys.readouterr().err
     assert main(["bag", "export", str(stepped), "--lerobot", str(tmp_path / "set")]) == 2
     assert "expected a file to write, got a folder" in capsys.readouterr().err
 

@@ -57,9 +57,13 @@ def test_comparisons_are_executed_without_training(tmp_path, capsys):
     assert "ST(" in capsys.readouterr().out  # as all comparisons end
 
 
-def test_a_reference_policy_does_not_judge(capsys):
-    asked = ["eval", "--policy", "scripted", "--design", "3-D", "--judge", "agent"]
-    assert main(asked) == 2 and "expected --checkpoint" in capsys.readouterr().err
+@pytest.mark.parametrize(("asked", "said"), [
+    ("--policy scripted --design 3-D --judge agent", "expected --checkpoint"),
+    ("--checkpoint shipped:2-L --condition all --judge agent", "expected one condition, got all"),
+    ("--checkpoint shipped:avoid --condition finite --layouts own", "another condition"),
+])  # fmt: skip
+def test_options_that_would_not_count_are_refused(asked, said, capsys):
+    assert main(["eval", *asked.split()]) == 2 and said in capsys.readouterr().err
 
 
 def test_all_conditions_at_once(checkpoint: str, tmp_path, capsys, monkeypatch):

@@ -74,6 +74,14 @@ def test_the_same_measurement_sent_again_is_not_newer():
     assert tree.pose("world", "tag").arrived_s == 1.0
 
 
+def test_a_pose_without_a_stamp_grows_old() -> None:
+    tree = FrameTree()
+    tree.add("world", "hand", Placed(np.eye(7)[6]))
+    tree.add("world", "cup", Placed(np.eye(7)[6], 0, 1.0))
+    found = tree.pose("hand", "cup")
+    assert (found.stamp_ns, found.arrived_s) == (0, 1.0)
+
+
 # Joints
 
 
@@ -88,6 +96,8 @@ def test_joints_are_resampled_in_the_agents_signs():
     assert history.to_driver(np.array([1.0, 1.0])).tolist() == [1.0, -1.0]
     assert history.driver_position.tolist() == [1.0, 1.0]
     assert refused(JointHistory(JOINTS).at, 0)[0] == "robot.joints"
+    unstamped = refused(history.add, np.zeros(2), np.zeros(2), 0, 3.0)
+    assert unstamped[0] == "robot.joints" and "header.stamp" in unstamped[1]
 
 
 # The box

@@ -154,13 +154,22 @@ def test_a_node_that_cannot_start_is_an_error_with_its_log() -> None:
 def test_an_agent_that_takes_no_goals_is_an_error_that_says_what_to_do(accepted: bool) -> None:
     """Rejected, or accepted and aborted without a word, as where it is cleaned up meanwhile."""
     nothing = type(encode_goal_result(GoalResult(True)))()
-    ended = Mock(result=lambda: Mock(result=nothing))
+    with pytest.raises(PaError, match="ros2 lifecycle get") as caught:
+        ended_with(nothing, accepted).result()
+    assert caught.value.code == "goal.rejected"
+
+
+def test_coming_near_what_is_to_be_avoided_is_a_result() -> None:
+    violated = encode_goal_result(GoalResult(False, reason="it was near", code="goal.violated"))
+    assert ended_with(violated).result().code == "goal.violated"
+
+
+def ended_with(result: object, accepted: bool = True) -> Goal:
+    """A goal that an agent ended with this message."""
+    ended = Mock(result=lambda: Mock(result=result))
     handle = Mock(accepted=accepted, get_result_async=lambda: ended)
     goals = Mock(send_goal_async=lambda *_, **__: Mock(result=lambda: handle))
-    graph = Mock(goals=goals, patience=1.0, call=lambda act: act())
-    with pytest.raises(PaError, match="ros2 lifecycle get") as caught:
-        Goal(graph, ProgramGoal(REACHABLE)).result()
-    assert caught.value.code == "goal.rejected"
+    return Goal(Mock(goals=goals, patience=1.0, call=lambda act: act()), ProgramGoal(REACHABLE))
 
 
 def test_an_arm_that_is_not_closed_ends_with_its_process(arm: Arm, tmp_path: Path) -> None:

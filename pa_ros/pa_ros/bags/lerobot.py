@@ -65,6 +65,8 @@ def export_lerobot(
         raise BagError(f"export: {folder} already exists: name another folder")
     fps = _frames_per_second(arena)
     wanted = [episode for episode in found if numbers is None or episode.number in numbers]
+    if missing := sorted(set(numbers or ()) - {episode.number for episode in wanted}):
+        raise BagError(f"export: the bag does not contain episodes {missing}")
     chosen = [episode for episode in wanted if _whole(episode)]
     left_out = tuple(episode.number for episode in wanted if not _whole(episode))
     if not chosen:

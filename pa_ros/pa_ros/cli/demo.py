@@ -18,7 +18,7 @@ import numpy as np
 
 from pa_ros.acting.execution import HOLD_S, WINDOW_S
 from pa_ros.arena import Design, ReachTask, design_named, preset_named, training_programs
-from pa_ros.cli.options import folder_to_write
+from pa_ros.cli.options import add_setting, folder_to_write
 from pa_ros.console.settings import TOKEN, control_address, free_port
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.evaluation.agents import load_agent
@@ -27,6 +27,7 @@ from pa_ros.evaluation.evaluate import reference_scores
 from pa_ros.evaluation.scores import rewards
 from pa_ros.evaluation.tally import EpisodeTally, HeldOutTarget
 from pa_ros.learning.checkpoint_files import SHIPPED_PREFIX
+from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.ros.topics import OBJECT_FEATURES
 from pa_ros.tools.arm import Arm
@@ -51,7 +52,7 @@ EXIT_FAILED = 1
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros demo`."""
-    parser.add_argument("--seed", type=int, default=0, help="of learning (%(default)s)")
+    add_setting(parser, TrainConfig, "seed")
     parser.add_argument(
         "--minutes", type=float, default=20.0, help="stop learning after these (%(default)g)"
     )

@@ -72,6 +72,10 @@ def run(options: argparse.Namespace) -> int:
     """Evaluate, print one row per program (or per condition) and the figures."""
     if options.condition in (ALL, RANDOM_WEIGHTS) and not options.checkpoint:
         raise ConfigError(f"eval --condition {options.condition}: expected --checkpoint, got none")
+    if options.condition == FINITE and options.layouts != "shared":
+        raise ConfigError(
+            f"eval --layouts {options.layouts}: expected another condition than {FINITE}"
+        )
     if options.policy and options.logic != MIN_MAX.name:
         raise ConfigError(f"eval --logic: expected --checkpoint, got --policy {options.policy}")
     if options.policy and options.judge != "verifier":
@@ -82,11 +86,14 @@ def run(options: argparse.Namespace) -> int:
         logic = logic_named(options.logic)
         given = options.design, options.preset, options.arm, logic
         agent = load_agent(options.checkpoint, *given)
-        if options.pictures != "plain" and (options.condition == ALL or not agent.perception):
+        several = options.condition in (ALL, FINITE)
+        if options.pictures != "plain" and (several or not agent.perception):
             raise ConfigError(
                 f"eval --pictures {options.pictures}: expected one condition and an agent that "
                 f"sees, got condition {options.condition}"
             )
+        if options.judge != "verifier" and several:
+            raise ConfigError(f"eval --judge: expected one condition, got {options.condition}")
         if options.condition == ALL:
             return _all_conditions(agent, options)
         if options.condition == FINITE:

@@ -63,6 +63,7 @@ class LiveConsole:
         self._weights: AgentWeights
         self._arms: dict[str, Arm] = {}  # by namespace
         self._joining = threading.Lock()
+        self._joined = set[str]()  # namespaces that were joined, or are being joined
         self._requests = ThreadPoolExecutor(REQUESTS, "console")
         self.asked = ""  # the last request, and what became of it
         self.vocabulary: Vocabulary | None = None  # the arena's words; None: no arena is known
@@ -87,7 +88,8 @@ class LiveConsole:
 
     def join(self) -> None:
         """Join the arena's graph, so that the first request does not have to wait for that."""
-        if self._arena is not None and self._namespace not in self._arms:
+        if self._arena is not None and self._namespace not in self._joined:
+            self._joined.add(self._namespace)
             self._requests.submit(self._arm, self._namespace)
 
     def close(self) -> None:
@@ -239,7 +241,8 @@ class LiveConsole:
         if not messages:
             return
         try:
-            steps = [decode_step(message, len(arena.joint_names)) for message in messages]
+            sizes = arena.world.joints, arena.world.object_features
+            steps = [decode_step(message, *sizes) for message in messages]
         except PaError as error:
             self._refusals.refuse("step", error)
             return

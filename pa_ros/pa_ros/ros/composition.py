@@ -12,14 +12,14 @@ import sys
 from importlib import import_module
 from itertools import takewhile
 
-from pa_ros.ros.node_main import run_nodes
+from pa_ros.ros.node_main import run_node
 
 
 def main() -> int:
     """Run the nodes named before `--ros-args` until SIGINT or SIGTERM; the exit status."""
     names = list(takewhile(lambda word: not word.startswith("-"), sys.argv[1:]))
-    makes = [import_module(f"{name}.main").make for name in names]
-    return run_nodes("+".join(names), makes, arguments=sys.argv[1 + len(names) :])
+    makes = [import_module(f"{name}.main").NODE for name in names]
+    return run_node("+".join(names), *makes, arguments=sys.argv[1 + len(names) :])
 
 
 if __name__ == "__main__":

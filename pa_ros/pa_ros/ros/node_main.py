@@ -11,8 +11,9 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pkgutil import resolve_name
 from types import FrameType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.signals import on_ending
@@ -26,32 +27,10 @@ PARENT = "PA_ROS_PARENT"  # process id of the launcher that a process must end w
 PARENT_CHECK_S = 0.25
 
 
-class Shell(Protocol):
-    """A node that `run_node` runs: an rclpy node with a `close` method."""
-
-    def close(self) -> int | None:
-        """Stop threads and save; called once, before the node is destroyed.
-
-        Returns the exit status of the process; None is 0.
-        """
-
-
 def run_node(
     name: str,
-    make: Callable[[], Shell],
-    settings: Callable[[], type[Settings]] | None = None,
-    arguments: Sequence[str] | None = None,
-    grace_s: float = 10.0,
-    lingers_s: float = 0.0,
-) -> int:
-    """Run one node in this process; see `run_nodes`."""
-    return run_nodes(name, [make], settings, arguments, grace_s, lingers_s)
-
-
-def run_nodes(
-    name: str,
-    makes: Sequence[Callable[[], Shell]],
-    settings: Callable[[], type[Settings]] | None = None,
+    *makes: str | Callable[[], Any],
+    settings: str = "",
     arguments: Sequence[str] | None = None,
     grace_s: float = 10.0,
     lingers_s: float = 0.0,
@@ -60,11 +39,12 @@ def run_nodes(
 
     0: stopped as asked, unless a node's `close` returns another status. 1: the nodes took longer
     than `grace_s` to close, and were ended. 2: an argument or parameter was refused, with the
-    reason on standard error, or a node set `ended_by`. Nodes are closed in the reverse of the order
-    in which they were made.
+    reason on standard error, or a node set `ended_by`.
 
     :param name: of the program.
-    :param settings: whose parameters `--help` prints.
+    :param makes: what makes the nodes, or its "module:name". They are rclpy nodes with a method
+        `close`, which stops threads and saves; it is called in the reverse order.
+    :param settings: "module:Class" of the parameters that `--help` prints.
     :param lingers_s: how long the nodes continue when their launcher has ended.
     """
     with _stop_on_signal(grace_s) as stop:
@@ -77,7 +57,7 @@ def run_nodes(
         given = [name, *(sys.argv[1:] if arguments is None else arguments)]
         words = _words_not_of_ros(given)
         if {"-h", "--help"} & set(words):
-            print(usage(name, settings and settings()))
+            print(usage(name, resolve_name(settings) if settings else None))
             return 0
         try:
             if words:
@@ -86,7 +66,7 @@ def run_nodes(
             nodes: list[Any] = []
             try:
                 for make in makes:
-                    nodes.append(make())
+                    nodes.append((resolve_name(make) if isinstance(make, str) else make)())
                 # A full garbage collection would stall a control step, so what exists is exempt.
                 gc.collect()
                 gc.freeze()

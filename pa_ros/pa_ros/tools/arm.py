@@ -41,9 +41,6 @@ CANCEL_S = 5.0
 RETRY_S = 0.5
 UNREAD = 1000  # feedback kept for a caller that does not read it
 UNREADY, REJECTED = "goal.unready", "goal.rejected"
-# Codes of goals that were accepted, and ended without reaching the target.
-ENDINGS = {"goal.time_limit", "goal.cancelled", "goal.replaced", "goal.episode_ended",
-           "goal.arena_gone", "goal.inactive"}  # fmt: skip
 NO_GOALS = (
     "the agent takes no goals now: is it configured and active? (ros2 lifecycle get, with its name)"
 )
@@ -363,7 +360,8 @@ class Goal:
             # The arm must not pursue a goal that nobody waits for any more.
             self.cancel()
         ended = self._result()
-        if not ended.success and ended.code not in ENDINGS:
+        # Goals that were accepted end with other codes of this kind.
+        if not ended.success and (ended.code == UNREADY or not ended.code.startswith("goal.")):
             # An agent that is cleaned up meanwhile aborts its goal without a word.
             raise PaError(ended.reason or NO_GOALS, ended.code or REJECTED)
         outcome = ended.success, ended.final_distance, ended.time_to_reach_s

@@ -23,7 +23,8 @@ class WireError(PaError):
 
     Codes: `wire.size`, `wire.non_finite`, `wire.range`, `wire.joint_names`,
     `wire.feature_names`, `wire.world`, `wire.reward`, `wire.arena_fact`, `wire.dtype`,
-    `wire.truncated`, `wire.checksum`, `wire.version`, `wire.unknown_type`, `program.id_taken`.
+    `wire.truncated`, `wire.checksum`, `wire.version`, `wire.unknown_type`, `wire.encoding`,
+    `wire.uncalibrated`, `program.id_taken`.
     """
 
     code = "wire"

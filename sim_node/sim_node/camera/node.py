@@ -23,7 +23,7 @@ from pa_ros.learning.checkpoints import camera_of
 from pa_ros.perception import sight_of
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
-from pa_ros.ros.health import OK, WARN
+from pa_ros.ros.health import ERROR, OK, WARN
 from pa_ros.ros.lifecycle import ManagedNode
 from pa_ros.ros.peers import PeerMonitor
 from pa_ros.wire import Message
@@ -67,6 +67,7 @@ class CameraNode(ManagedNode):
         self._early: Message | None = None  # a picture of the next step
         self._waiting_since: float | None = None  # s; the newest step waits for its picture
         self._looked_at = -np.inf  # when the newest usable picture arrived, s
+        self._unseen = ""  # why the arena is not seen
         self._calibrated = False  # whether camera_info is that of the calibration
         self._out = self.advertise(topics.OBJECT_FEATURES.within(SEEN))
         self._info = self.advertise(topics.ARENA_INFO.within(SEEN))
@@ -85,7 +86,12 @@ class CameraNode(ManagedNode):
 
     def _on_arena(self, message: Message) -> None:
         arena = decode_arena_info(message)
-        self._arenas.described(arena.arena_id, arena)
+        try:
+            self._arenas.described(arena.arena_id, arena)
+        except PaError as error:
+            self._unseen = str(error)
+            raise
+        self._unseen = ""
 
     def _see_for(self, arena: ArenaDescription) -> None:
         """Begin with another arena. PaError for one whose blocks have other properties, or with
@@ -188,8 +194,10 @@ class CameraNode(ManagedNode):
     # Health
 
     def collect(self) -> tuple[int, str, dict[str, str]]:
+        if self._arenas.fault:
+            return ERROR, self._arenas.fault, {}
         if self._sight is None or not self._steps:
-            return WARN, "waits for an arena (arena_info, object_features)", {}
+            return WARN, self._unseen or "waits for an arena (arena_info, object_features)", {}
         if self._age > self.config.timeout_s:
             names = f"{topics.CAMERA_IMAGE.name} and {topics.CAMERA_INFO.name}"
             return WARN, f"the arm holds: expected {names}, got none for {self._age:.1f} s", {}

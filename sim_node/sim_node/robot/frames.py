@@ -16,7 +16,7 @@ class Placed:
     """A pose, when it was measured, and when it arrived."""
 
     pose: Float64  # [7] x y z (m), quaternion xyzw, in the parent's frame
-    stamp_ns: int = 0  # on the sender's clock; 0: it never changes
+    stamp_ns: int = 0  # on the sender's clock; 0: not given
     arrived_s: float = inf  # on the receiver's monotonic clock; inf: it never changes
 
 
@@ -52,11 +52,11 @@ class FrameTree:
             raise ArenaError(
                 f"tf does not join {frame!r} and {base!r}{''.join(hints)}", code="robot.poses"
             )
-        moving = [placed for placed in (*ours.values(), *theirs.values()) if placed.stamp_ns]
+        chain = *ours.values(), *theirs.values()
         return Placed(
             in_hand(_product(theirs), _product(ours)),
-            min((placed.stamp_ns for placed in moving), default=0),
-            min((placed.arrived_s for placed in moving), default=inf),
+            min((placed.stamp_ns for placed in chain if placed.stamp_ns), default=0),
+            min(placed.arrived_s for placed in chain),
         )
 
     def _up(self, name: str) -> dict[str, Placed]:

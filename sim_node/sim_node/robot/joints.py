@@ -40,8 +40,14 @@ class JointHistory:
         """Keep a state of the driver's joints in the order of `names`.
 
         A state that is no later than the one before is ignored: it is the same measurement.
+        Raises ArenaError (`robot.joints`) if it has no time.
         """
         if self._kept and stamp_ns <= self._kept[-1].stamp_ns:
+            if not stamp_ns:
+                raise ArenaError(
+                    "joint_states: expected the time of measurement in header.stamp, got 0",
+                    code="robot.joints",
+                )
             return
         self.driver_position = position
         here = self._signs * position + self._offsets

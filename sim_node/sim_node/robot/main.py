@@ -1,33 +1,15 @@
 """Entry point of `robot_node`."""
 
-from __future__ import annotations
-
 import sys
-from typing import TYPE_CHECKING
 
-from pa_ros.ros.node_main import Shell, run_node
+from pa_ros.ros.node_main import run_node
 
-if TYPE_CHECKING:
-    from pa_ros.core.settings import Settings
-
-
-def make() -> Shell:
-    """The node; imported here, after the environment is prepared."""
-    from sim_node.robot.node import RobotNode
-
-    return RobotNode()
-
-
-def settings() -> type[Settings]:
-    """The node's parameters."""
-    from sim_node.robot.node import RobotConfig
-
-    return RobotConfig
+NODE = "sim_node.robot.node:RobotNode"  # imported after the environment is prepared
 
 
 def main() -> int:
     """Run until SIGINT or SIGTERM; the exit status."""
-    return run_node("robot_node", make, settings)
+    return run_node("robot_node", NODE, settings="sim_node.robot.node:RobotConfig")
 
 
 if __name__ == "__main__":
