@@ -10,7 +10,6 @@ from pydantic import Field, model_validator
 from pa_ros.arena import (
     ArenaChoice,
     ArenaConfig,
-    Condition,
     Design,
     condition_named,
 )
@@ -75,9 +74,9 @@ class SimConfig(NodeSettings, ArenaChoice):
     def _can_be(self) -> Self:
         """ConfigError for an unknown condition or reward, or a number of blocks that cannot be."""
         reward_from(self.reward)
-        self.condition_of(self.condition)
+        condition_named(self.condition, self.design_of())
         if self.eval_every_episodes:
-            self.condition_of(self.eval_condition)
+            condition_named(self.eval_condition, self.design_of())
         self.arena_config()
         return self
 
@@ -85,10 +84,6 @@ class SimConfig(NodeSettings, ArenaChoice):
         """The design, with this number of blocks."""
         design = super().design_of()
         return replace(design, n_blocks=self.blocks) if self.blocks else design
-
-    def condition_of(self, name: str) -> Condition:
-        """A condition of the design; ConfigError if the design has none of that name."""
-        return condition_named(name, self.design_of())
 
     def arena_config(self) -> ArenaConfig:
         """The preset, with the episodes' length that applies."""

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from collections import OrderedDict, deque
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import inf
 from pathlib import Path
 
 import numpy as np
 
 from pa_ros import provenance
-from pa_ros.arena import ArenaError, Episode, generate, training_programs
+from pa_ros.arena import (
+    ArenaError,
+    Episode,
+    condition_named,
+    generate,
+    training_programs,
+)
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import CommandKey, Executed, Float64, Observation, Step, Verdict
 from pa_ros.language import Goal, parse_goal
@@ -81,7 +88,6 @@ class Session:
         self.disturbed = False  # someone moved blocks after the current step was published
         self.rewards = {kind: deque[float](maxlen=RECENT_EPISODES) for kind in (False, True)}
         self._episode_rewards: list[float] = []
-        self._condition_of = lru_cache(config.condition_of)
         every = config.eval_every_episodes
         self._next = {False: config.first_episode, True: config.first_episode // (every or 1)}
         self._evaluation_due = False
@@ -155,7 +161,7 @@ class Session:
     def scene(self, evaluation: bool, index: int) -> Episode:
         """How an episode begins: its blocks, their places, and the generator's program."""
         name = self.config.eval_condition if evaluation else self.config.condition
-        condition = self._condition_of(name)
+        condition = condition_named(name, self.task.design)
         return generate(self.arena, self.task.design, condition, self.config.seed, index)
 
     # Programs
@@ -191,16 +197,11 @@ class Session:
             own = ActiveProgram(f"{self.arena_id}/{kind}/{episode.index}", episode.goal)
             self.program_ids.remember(own.program_id, own.text)
             return own
-        if self._requested is not None and self._can_hold(self._requested.program, episode):
-            return self._requested
+        if self._requested is not None:
+            with suppress(ProgramError):
+                self.task.check(self._requested.program, episode)
+                return self._requested
         return None
-
-    def _can_hold(self, program: Goal, episode: Episode) -> bool:
-        try:
-            self.task.check(program, episode)
-        except ProgramError:
-            return False
-        return True
 
     def _checked(self, request: ProgramRequest, episode: Episode) -> ActiveProgram:
         program = parse_goal(request.text, self.task.design.vocabulary)

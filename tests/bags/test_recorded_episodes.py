@@ -156,7 +156,7 @@ def test_parquet_holds_the_same_numbers_with_a_row_per_step(stepped, tmp_path):
     [
         (["--out", "OUT", "--format", "xls"], "expected one of npz, parquet, got 'xls'"),
         (["--out", "OUT", "--format", "parquet"], "programmable-agents[parquet]"),
-        (["--rerun", "OUT.rrd"], "expected the extra rerun (pip install"),
+        (["--rerun", "OUT.rrd"], "expected the extra rerun (`make install-rerun`"),
         (["--rerun", "OUT.rrd", "--format", "npz"], "expected --out with --format"),
         ([], "expected one of --out DIR, --rerun FILE.rrd"),
         (["--out", "OUT", "--episodes", "99"], "does not contain episodes [99]; 0 others"),

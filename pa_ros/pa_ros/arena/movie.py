@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from pa_ros.arena.errors import RenderError
-from pa_ros.core.errors import ConfigError
+from pa_ros.core.errors import ConfigError, needs_extra
 from pa_ros.core.files import written_beside
 
 Picture = NDArray[np.uint8]
@@ -110,13 +110,8 @@ def _even(picture: Picture) -> Picture:
 
 
 def _av(path: Path):  # type: ignore[no-untyped-def]  # a library without types
-    try:
+    with needs_extra("film", f"film: {path} (a .webp needs no extra)"):
         import av
-    except ImportError as error:
-        raise ConfigError(
-            f"film: {path}: expected the extra film (`make install-film`, or pip install "
-            f'"programmable-agents[film]"), got: {error}; a .webp needs no extra'
-        ) from error
     return av
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pa_ros.bags.episodes import RecordedEpisode
 from pa_ros.bags.errors import BagError
-from pa_ros.core.errors import ConfigError
+from pa_ros.core.errors import ConfigError, needs_extra
 from pa_ros.core.files import written_beside
 
 TABLE = "episodes.csv"
@@ -69,14 +69,9 @@ def export(
 
 def pyarrow_with_parquet(what: str) -> Any:
     """The package pyarrow. ConfigError without the extra parquet; `what` begins its text."""
-    try:
+    with needs_extra("parquet", what):
         import pyarrow
         import pyarrow.parquet
-    except ImportError as error:
-        raise ConfigError(
-            f"{what}: expected the extra parquet (pip install "
-            f'"programmable-agents[parquet]"), got: {error}'
-        ) from error
     return pyarrow
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from pa_ros.cli.options import add_settings, settings_from
 from pa_ros.console.settings import ConsoleSettings
-from pa_ros.core.errors import ConfigError
+from pa_ros.core.errors import needs_extra
 from pa_ros.core.signals import signals_noted
 from pa_ros.ros.environment import check_namespace
 from pa_ros.ros.node_main import die_with_parent
@@ -69,11 +69,6 @@ def _announce(control_address: str, view_address: str) -> None:
 
 def _check_installed() -> None:
     """Raise ConfigError without the extra `console`."""
-    try:
+    with needs_extra("console", "console"):
         import mjviser  # noqa: F401
         import viser  # noqa: F401
-    except ImportError as error:
-        raise ConfigError(
-            "console: expected the extra console (`make install-console`, or pip install "
-            f'"programmable-agents[console]"), got: {error}'
-        ) from error

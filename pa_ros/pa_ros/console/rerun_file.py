@@ -16,7 +16,7 @@ from pa_ros.bags.errors import BagError
 from pa_ros.bags.film import Stage
 from pa_ros.console.moment import Moment
 from pa_ros.console.replay import Replay
-from pa_ros.core.errors import ConfigError
+from pa_ros.core.errors import ConfigError, needs_extra
 from pa_ros.core.experience import Float64
 from pa_ros.core.files import written_beside
 from pa_ros.wire.arena import ArenaDescription
@@ -212,11 +212,6 @@ def _shape(rerun: Any, model: mujoco.MjModel, number: int) -> Any:
 
 
 def _rerun() -> Any:
-    try:
+    with needs_extra("rerun", "export: --rerun"):
         import rerun
-    except ImportError as error:
-        raise ConfigError(
-            "export: --rerun: expected the extra rerun (pip install "
-            f'"programmable-agents[rerun]"), got: {error}'
-        ) from error
     return rerun

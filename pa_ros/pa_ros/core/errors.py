@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class PaError(Exception):
     """Rejected input. The message says what was wrong, what was expected and what to do.
@@ -23,3 +26,15 @@ class ConfigError(PaError):
     """A parameter, option or file that cannot be used; the message holds the value received."""
 
     code = "config"
+
+
+@contextmanager
+def needs_extra(extra: str, what: str) -> Iterator[None]:
+    """Translate a failed import of an optional package; `what` begins the error's text."""
+    try:
+        yield
+    except ImportError as error:
+        raise ConfigError(
+            f"{what}: expected the extra {extra} (`make install-{extra}`, or pip install "
+            f'"programmable-agents[{extra}]"), got: {error}'
+        ) from error

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 LONGEST = 1000  # characters shown
-DIGITS = 18  # of the greatest number that is read
 
 Report = Mapping[str, float | int | str]
 """Figures by dotted name, and strings that say how they were measured."""
@@ -37,13 +36,6 @@ def printable_lines(text: str) -> str:
 def renewable(console: Console) -> bool:
     """Whether the console can redraw lines in place: a terminal that is not a dumb one."""
     return console.is_terminal and not console.is_dumb_terminal
-
-
-def natural(text: str) -> int | None:
-    """The number that ASCII digits say; None for anything else, and for more than DIGITS."""
-    if len(text) > DIGITS or not (text.isascii() and text.isdecimal()):
-        return None
-    return int(text)
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from pa_ros.acting.actor import Actor
 from pa_ros.arena import ARMS, conditions_for, random_policy, training_programs
-from pa_ros.core.errors import ConfigError
+from pa_ros.core.errors import ConfigError, needs_extra
 from pa_ros.core.experience import Observation
 from pa_ros.evaluation.agents import TrainedAgent
 from pa_ros.language import Program
@@ -31,13 +31,8 @@ def export_onnx(agent: TrainedAgent, path: Path, programs: Sequence[Program] = (
     difference from its actions. Raises ConfigError without the extra onnx, for other
     networks, or if the difference exceeds PARITY; the file is left then, to be looked at.
     """
-    try:
+    with needs_extra("onnx", "export"):
         from onnxruntime import InferenceSession, SessionOptions
-    except ImportError as error:
-        raise ConfigError(
-            'export: expected the extra onnx (pip install "programmable-agents[onnx]"), got: '
-            f"{error}"
-        ) from error
     network = actor_config(agent.snapshot.architecture)
     arm = ARMS[agent.arena.arm]
     about = {

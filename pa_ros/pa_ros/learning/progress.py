@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from pa_ros.core.errors import ConfigError
+from pa_ros.core.errors import ConfigError, needs_extra
 from pa_ros.core.files import write_whole
 from pa_ros.learning.errors import CheckpointError, LearningError
 
@@ -68,14 +68,8 @@ class Scalars:
 
     def __init__(self, folder: Path) -> None:
         """Raises ConfigError without the package, or if the folder cannot be written."""
-        try:
+        with needs_extra("tensorboard", "tensorboard"):
             from torch.utils.tensorboard import SummaryWriter
-        except ImportError as error:
-            raise ConfigError(
-                "tensorboard: expected the package: "
-                'pip install "programmable-agents[tensorboard]" '
-                f"(here, make install-tensorboard); got {error}"
-            ) from error
         try:
             self._writer: Any = SummaryWriter(str(folder))  # type: ignore[no-untyped-call]
         except OSError as error:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from pa_ros.core.errors import ConfigError
+from pa_ros.core.errors import ConfigError, needs_extra
 from pa_ros.core.files import written_beside
 from pa_ros.language import MIN_MAX, Program
 from pa_ros.language.flat import AND, NOT, OR, compile_program
@@ -101,13 +101,8 @@ def write_onnx(
             "export: onnx: expected networks without AVOID, got ones that learned it, which are "
             "not exported"
         )
-    try:
+    with needs_extra("onnx", "export"):
         from onnx import TensorProto, checker, helper, save
-    except ImportError as error:
-        raise ConfigError(
-            'export: expected the extra onnx (pip install "programmable-agents[onnx]"), got: '
-            f"{error}"
-        ) from error
     graph = _Graph()
     action, relevance = _actor(graph, network, sharpened(tensors, MIN_MAX))
     inputs: list[Any] = []

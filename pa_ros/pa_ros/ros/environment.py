@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.text import natural
 
 if TYPE_CHECKING:
     from rclpy.context import Context
@@ -76,11 +75,10 @@ def start_ros(
     Raises ConfigError for an impossible ROS_DOMAIN_ID, an unreadable parameters file, a bad remap
     rule, or a folder for logs that can't be written.
     """
-    named = os.environ.get("ROS_DOMAIN_ID") or "0"
-    number = natural(named) if domain is None else domain
-    if number is None or not 0 <= number <= LAST_DOMAIN:
-        got = repr(named if domain is None else domain)
-        raise ConfigError(f"ROS_DOMAIN_ID: expected 0 to {LAST_DOMAIN}, got {got}")
+    named = str(domain) if domain is not None else os.environ.get("ROS_DOMAIN_ID") or "0"
+    number = int(named) if named.isdecimal() else -1
+    if not 0 <= number <= LAST_DOMAIN:
+        raise ConfigError(f"ROS_DOMAIN_ID: expected 0 to {LAST_DOMAIN}, got {named!r}")
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 

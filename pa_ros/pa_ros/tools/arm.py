@@ -243,9 +243,7 @@ class Arm:
 
     def reset(self, episode: int | None = None, evaluation: bool = False) -> Scene:
         """Begin the next scene, or the scene of an episode, and return it."""
-        began = self.graph.services.reset(
-            ResetRequest(episode, "", evaluation), self.graph.patience
-        )
+        began = self.graph.services.reset(ResetRequest(episode, "", evaluation))
 
         def arrived() -> bool:
             seen = self.scene().step.observation
@@ -257,11 +255,11 @@ class Arm:
 
     def pause(self) -> None:
         """Stop the arena's time."""
-        self.graph.services.pause(True, self.graph.patience)
+        self.graph.services.pause(True)
 
     def resume(self) -> None:
         """Let the arena's time go on."""
-        self.graph.services.pause(False, self.graph.patience)
+        self.graph.services.pause(False)
 
     def step(self, steps: int = 1) -> Scene:
         """Let a paused arena make control steps in which the agent acts, and return the scene then.
@@ -286,11 +284,11 @@ class Arm:
 
     def set_speed(self, times: float) -> None:
         """Change the speed of an arena in real time, times real time."""
-        self.graph.services.set_speed(times, self.graph.patience)
+        self.graph.services.set_speed(times)
 
     def move(self, block: int, x: float, y: float) -> None:
         """Put a block, by its number in `scene().blocks`, somewhere on the table (m)."""
-        self.graph.services.move(block, x, y, self.graph.patience)
+        self.graph.services.move(block, x, y)
 
     def close(self) -> None:
         """Cancel the goal, leave the graph, and end what `simulated` started."""

@@ -90,38 +90,40 @@ def namespaces_of_arenas(node: Node) -> tuple[str, ...]:
 class ArenaClient:
     """The services of the arena in a node's namespace, or in one below it."""
 
-    def __init__(self, node: Node, spin: Spin | None = None, namespace: str = "") -> None:
-        self._spin = spin or partial(spin_until, node)
+    def __init__(
+        self, node: Node, timeout_s: float, spin: Spin | None = None, namespace: str = ""
+    ) -> None:
+        self._timeout_s, self._spin = timeout_s, spin or partial(spin_until, node)
         below = f"{namespace}/" if namespace else ""
         self._clients = {name: node.create_client(kind, below + name) for name, kind in SERVICES}
 
-    def reset(self, request: ResetRequest, timeout_s: float) -> Outcome:
+    def reset(self, request: ResetRequest) -> Outcome:
         """Begin an episode; episode and step then. Raises NoAnswerError, PaError if rejected."""
-        return self._call(RESET[0], encode_reset(request), timeout_s)
+        return self._call(RESET[0], encode_reset(request))
 
-    def pause(self, paused: bool, timeout_s: float) -> Outcome:
+    def pause(self, paused: bool) -> Outcome:
         """Stop or resume simulation time. Raises NoAnswerError, PaError if rejected."""
         state = SimState.PAUSED if paused else SimState.PLAYING
         request = encode_state_request(state)
-        return self._call(SET_SIMULATION_STATE[0], request, timeout_s)
+        return self._call(SET_SIMULATION_STATE[0], request)
 
-    def set_speed(self, times: float, timeout_s: float) -> None:
+    def set_speed(self, times: float) -> None:
         """Change the speed, times real time. Raises NoAnswerError, PaError if rejected."""
-        self._call(SPEED[0], encode_speed(times), timeout_s)
+        self._call(SPEED[0], encode_speed(times))
 
-    def move(self, block: int, x: float, y: float, timeout_s: float) -> None:
+    def move(self, block: int, x: float, y: float) -> None:
         """Put a block, by its number, somewhere on the table (m). Raises NoAnswerError, PaError if
         rejected."""
-        names = decode_names(self._answer(GET_ENTITIES[0], GET_ENTITIES[1].Request(), timeout_s))
+        names = decode_names(self._answer(GET_ENTITIES[0], GET_ENTITIES[1].Request()))
         if not 0 <= block < len(names) - 1:  # the first is the hand
             text = f"move: expected one of {len(names) - 1} blocks, got number {block}"
             raise PaError(text, code="arena.service")
         place = Body.at_rest(np.array([x, y, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
         request = encode_state_change(names[block + 1], place)
-        self._call(SET_ENTITY_STATE[0], request, timeout_s)
+        self._call(SET_ENTITY_STATE[0], request)
 
-    def _answer(self, name: str, request: Any, timeout_s: float) -> Any:
-        client = self._clients[name]
+    def _answer(self, name: str, request: Any) -> Any:
+        client, timeout_s = self._clients[name], self._timeout_s
         if not self._spin(client.service_is_ready, timeout_s):
             raise NoAnswerError(
                 f"{name}: no arena offers it within {timeout_s:g} s", code="arena.silent"
@@ -131,8 +133,8 @@ class ArenaClient:
             raise NoAnswerError(f"{name}: no answer within {timeout_s:g} s", code="arena.silent")
         return answer.result()
 
-    def _call(self, name: str, request: Any, timeout_s: float) -> Outcome:
-        outcome = decode_outcome(self._answer(name, request, timeout_s))
+    def _call(self, name: str, request: Any) -> Outcome:
+        outcome = decode_outcome(self._answer(name, request))
         if not outcome.success:
             text = f"{name}: rejected: [{outcome.code}] {outcome.reason}"
             raise PaError(text, code="arena.service")

@@ -51,7 +51,7 @@ class Connection:
             self.domain, self.namespace = node.context.get_domain_id(), node.get_namespace()
             self.monitor = SceneMonitor(node)
             self.weights = AgentWeights(node, self.namespace.strip("/"), Refusals(log.warning))
-            self.services = ArenaClient(node, self.until)
+            self.services = ArenaClient(node, patience, self.until)
             self.goals: Any = ActionClient(node, EXECUTE_PROGRAM[1], EXECUTE_PROGRAM[0])
             stack.callback(self.goals.destroy)
             self.steps: Any = ActionClient(node, SIMULATE_STEPS[1], SIMULATE_STEPS[0])

@@ -19,7 +19,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from pa_ros.core.text import natural, printable, renewable
+from pa_ros.core.text import printable, renewable
 from pa_ros.ros.health import LIFECYCLE
 from pa_ros.ros.topics import DIAGNOSTICS
 from pa_ros.wire.diagnostics import Health, decode_diagnostics
@@ -114,10 +114,10 @@ class GraphFigures:
     def _refusals(self) -> str:
         counts: dict[str, int] = {}
         for entry, _ in self._health.values():
-            for key, value in entry.values.items():
-                if key.startswith("refused.") and (count := natural(value)) is not None:
+            for key in entry.values:
+                if key.startswith("refused.") and (count := _number(entry, key)) is not None:
                     code = key.removeprefix("refused.")
-                    counts[code] = counts.get(code, 0) + count
+                    counts[code] = counts.get(code, 0) + int(count)
         return ", ".join(f"{code} {count}" for code, count in sorted(counts.items())) or "0"
 
     def _states(self) -> str:

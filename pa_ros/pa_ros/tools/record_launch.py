@@ -73,4 +73,4 @@ def start_recorded(
     if held:
         watch(node, supervisor, lambda: None, lambda: False, DISCOVERY_S)
     for place in held:
-        ArenaClient(node, namespace=place.rpartition("/")[0]).pause(False, READY_S)
+        ArenaClient(node, READY_S, namespace=place.rpartition("/")[0]).pause(False)

@@ -23,7 +23,6 @@ from pa_ros.world.world import World
 
 # Edition of msgs_schema. Raise it when a receiver of one edition could misread the other.
 WIRE_VERSION = "6"
-NO_STAMP = 0
 SPARSE = Sparse().to_json()  # the paper's reward
 # Fields that are alike in the message and in the record, and arrays of numbers.
 SAME = (
@@ -62,7 +61,7 @@ class ArenaDescription:
     reward: str = SPARSE  # canonical JSON: name and parameters
     perception: str = ""  # calibration of the camera that properties are seen with
     hand_index: int = 0
-    stamp_ns: int = NO_STAMP
+    stamp_ns: int = 0
     arena_id: str = ""
     software_version: str = ""
 

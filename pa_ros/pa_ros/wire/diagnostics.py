@@ -14,7 +14,6 @@ from pa_ros.core.settings import read_json
 from pa_ros.language import Program
 from pa_ros.wire import WireError
 from pa_ros.wire.arena import (
-    NO_STAMP,
     WIRE_VERSION,
     check_version,
     read_programs,
@@ -64,7 +63,7 @@ class Origin:
     arm: str = ""
     preset: str = ""
     world: World | None = None  # None: not known to the sender
-    stamp_ns: int = NO_STAMP  # wall time
+    stamp_ns: int = 0  # wall time
     learner: LearnerOrigin | None = None  # None: not a learner
 
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from msgs_schema import action, msg
 from pa_ros.wire import WireError
-from pa_ros.wire.arena import NO_STAMP
 from pa_ros.wire.fields import copy_fields, fields_of, float32_field, read_stamp, write_stamp
 
 NEVER = -1.0  # time_to_reach_s of a goal that was not reached
@@ -40,7 +39,7 @@ class ProgramStatus:
     code: str = ""
     reason: str = ""
     position: int = -1
-    stamp_ns: int = NO_STAMP
+    stamp_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True)

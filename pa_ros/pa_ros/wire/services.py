@@ -10,7 +10,6 @@ from simulation_interfaces.srv import SetSimulationState
 
 from msgs_schema import srv
 from pa_ros.wire import WireError
-from pa_ros.wire.arena import NO_STAMP
 from pa_ros.wire.fields import read_stamp, write_stamp
 
 SPEEDS = (0.01, 100.0)  # least and largest real-time factor
@@ -36,7 +35,7 @@ class Outcome:
     code: str = ""
     reason: str = ""
     episode: int = 0
-    stamp_ns: int = NO_STAMP
+    stamp_ns: int = 0
     real_time_factor: float = 0.0
 
 
