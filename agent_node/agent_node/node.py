@@ -55,7 +55,7 @@ class AgentNode(ManagedNode):
     config: AgentConfig
 
     def __init__(self) -> None:
-        self._drawn_id = uuid.uuid4().hex[:8]  # the same after a cleanup: the agent is no other one
+        self._drawn_id = uuid.uuid4().hex[:8]  # kept after a cleanup: still the same agent
         super().__init__("agent_node", AgentConfig)
 
     def configure(self) -> None:
@@ -103,7 +103,7 @@ class AgentNode(ManagedNode):
         self.get_logger().info(f"agent {self.agent_id}: {doing}, with weights from {source}")
 
     def activate(self) -> None:
-        """Answer a step that waited; one that was missed, the arena sends again."""
+        """Answer the step that waited. The arena repeats a step that was missed."""
         self._status.restart()
         self._act()
 

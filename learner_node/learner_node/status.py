@@ -70,7 +70,7 @@ class LearnerStatus:
             )
         if awaited and stuck_s > patient_s:
             return WARN, (
-                f"waits for {awaited!r}, whose turn it is, and all others wait for it "
+                f"waits for the next trajectory of {awaited!r}; so do all other agents "
                 "(learner.schedule.in_step=exact): do its sim_node and agent_node run?"
             )
         if not backlog and len(silent) == len(self._agents):

@@ -34,15 +34,15 @@ class SimConfig(NodeSettings, ArenaChoice):
     condition: str = Field("train", description="condition of the training episodes")
     perception: str = Field(
         TOLD,
-        description="what blocks are: told, or seen by new cameras above (camera), in a corner, "
-        "or both, or by the cameras of this checkpoint",
+        description="how blocks' properties are known: told; camera, corner or both: by new "
+        "cameras above the table, in a corner, or both; a checkpoint: by its cameras",
     )
     program_source: Literal["generator", "topic"] = Field(
         "generator",
         description="generator: programs are drawn; topic: they are sent, for one scene",
     )
     episode_steps: int = Field(
-        0, ge=0, le=ENDLESS, description="0: the preset's; without end where programs come by topic"
+        0, ge=0, le=ENDLESS, description="0: the preset's; no limit if program_source is topic"
     )
     first_episode: int = Field(
         0,

@@ -259,7 +259,7 @@ def test_a_verification_that_did_not_compare_everything_says_so(
     ("change", "said"),
     [
         (without_trajectory(3), "1 trajectories were learned from but are not in the bag"),
-        (of_two_agents, "4 versions are from before the recording"),
+        (of_two_agents, "4 versions were made before the recording"),
     ],
 )
 def test_learning_from_an_incomplete_bag_says_so(recorded, tmp_path, capsys, change, said):

@@ -71,12 +71,12 @@ def test_a_misspelled_command_is_told_its_name(capsys):
             ["experiment", "programmable-2L", "--logic", "product"],
             "--logic: expected a study (generalization, detectors, equalities)",
         ),
-        (["train", "--out", "unused", "--namespace", "/a"], "--namespace: expected --from-bag"),
+        (["train", "--out", "unused", "--namespace", "/a"], "--namespace: needs --from-bag"),
         (
             ["eval", "--checkpoint", "shipped:2-L", "--relations", "NEAR"],
-            "--relations: expected --policy",
+            "--relations: needs --policy",
         ),
-        (["send", "--wait"], "--wait: expected a program"),
+        (["send", "--wait"], "--wait: needs a program"),
         (
             ["send", "--scene", "last"],
             "--scene: expected next or the number of an episode, got 'last'",

@@ -86,4 +86,4 @@ def test_the_agent_that_all_others_wait_for_is_named(learner, clock) -> None:
     clock.now += IDLE_S + 1
     learner.status.arrived("a")
     level, message = learner.report(frames=7.0, backlog=3, awaited="b")
-    assert level == WARN and message.startswith("waits for 'b', whose turn it is")
+    assert level == WARN and message.startswith("waits for the next trajectory of 'b'")

@@ -148,8 +148,8 @@ class ArenaChoice(Settings):
     )
     preset: Annotated[str, OneOf(lambda: PRESETS)] = Field(
         "fast",
-        description="the arm's speed, whether it touches blocks, and what actions are; fast is "
-        "push for designs that move blocks",
+        description="the arm's speed, whether it touches blocks, and what actions are; for "
+        "designs that move blocks, fast means push",
     )
     reward: str = Field("sparse", description="a name, or JSON of name and parameters")
 

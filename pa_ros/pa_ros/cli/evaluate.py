@@ -81,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
     if options.policy and options.judge != "verifier":
         raise ConfigError(f"eval --judge: expected --checkpoint, got --policy {options.policy}")
     if options.checkpoint and options.relations:
-        raise ConfigError("eval --relations: expected --policy with it: a checkpoint has its own")
+        raise ConfigError("eval --relations: needs --policy; a checkpoint has its own relations")
     if options.checkpoint:
         logic = logic_named(options.logic)
         given = options.design, options.preset, options.arm, logic

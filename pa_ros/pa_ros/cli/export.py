@@ -29,9 +29,9 @@ def run(options: argparse.Namespace) -> int:
     if options.onnx is None and options.card is None:
         raise ConfigError("expected --onnx FILE.onnx or --card FILE.md")
     if options.onnx is None and options.program:
-        raise ConfigError("--program: expected --onnx with it")
+        raise ConfigError("--program: needs --onnx")
     if options.card is None and options.scores is not None:
-        raise ConfigError("--scores: expected --card with it")
+        raise ConfigError("--scores: needs --card")
     if options.onnx is not None:
         _onnx(options)
     if options.card is not None:

@@ -35,7 +35,7 @@ EXIT_INCOMPLETE = 1
 def run(options: argparse.Namespace) -> int:
     """Learn from the bags in order, with the settings of the first, and save a checkpoint."""
     if options.resume or options.record:
-        raise ConfigError("--from-bag: expected neither --resume nor --record with it")
+        raise ConfigError("--from-bag: cannot be used with --resume or --record")
     with ExitStack() as stack:
         opened = [stack.enter_context(Bag(path)) for path in options.from_bag]
         bags = [Experience(bag, options.namespace) for bag in opened]
@@ -165,7 +165,7 @@ def _conclude(found: OfflineResult, learner: Learner, out: Path) -> None:
         (found.left_out, "trajectories in the bag were not learned from when it was recorded"),
         (
             found.unordered,
-            "versions are from before the recording and from several agents: the order of their "
+            "versions were made before the recording, by several agents. The order of their "
             "trajectories is unknown, so the weights differ",
         ),
     ):

@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
     """Send the program, or a goal; print the answers and the outcome."""
     how = settings_from(options, SendOptions)
     if how.wait and options.text is None:
-        raise ConfigError("--wait: expected a program with it")
+        raise ConfigError("--wait: needs a program")
     try:
         with Arm(options.namespace, patience=how.timeout_s) as arm:
             if options.scene is not None:

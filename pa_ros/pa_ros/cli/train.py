@@ -37,7 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--perception",
         choices=(TOLD, *VIEWS),
         default=TOLD,
-        help="what blocks are: told, or seen by a camera above or in a corner (%(default)s)",
+        help="how blocks' properties are known: told, or by cameras above the table, in a corner, "
+        "or both (%(default)s)",
     )
     add_setting(parser, TrainConfig, "seed", otherwise="0; with --from-bag, the recorded one")
     add_settings(parser, TrainConfig, "frames", "out")
@@ -67,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
             raise ConfigError("--perception: expected told with --from-bag, got another")
         return from_bag.run(options)
     if options.namespace is not None:
-        raise ConfigError("--namespace: expected --from-bag with it")
+        raise ConfigError("--namespace: needs --from-bag")
     chosen = settings_from(options, ArenaChoice)
     design, arena = chosen.design_of(), chosen.arena_config()
     learning = learning_from(options, design.vocabulary)

@@ -227,8 +227,8 @@ def _fleet_of(
         alone = _last(place) == "agent_node" and _namespace(place) not in arenas
         if alone or (_last(place) == "learner_node" and _namespace(place)):
             raise ConfigError(
-                f"parameters: {path}: expected nodes of one namespace, or of several an arena in "
-                f"each and /learner_node in none, got /{place}"
+                f"parameters: {path}: expected all nodes in one namespace, or several namespaces "
+                f"with a sim_node each and learner_node in none, got /{place}"
             )
     return {place: common | wild.get(_last(place), {}) | values for place, values in places.items()}
 

@@ -144,8 +144,9 @@ class RealArm:
         behind_s = (newest_ns - command.stamp_ns) / 1e9
         if not self.program or not 0 <= behind_s <= COMMAND_TIMEOUT_S:
             raise ArenaError(
-                f"joint_commands: expected an answer to the last {COMMAND_TIMEOUT_S} s and a "
-                f"program, got {behind_s:.1f} s and {self.program or 'none'}",
+                f"joint_commands: expected a command for an observation of the last "
+                f"{COMMAND_TIMEOUT_S} s, under a program; got one for an observation "
+                f"{behind_s:.1f} s old, under {self.program or 'none'}",
                 code="command.stale",
             )
         return np.asarray(np.clip(command.action, -1.0, 1.0) * self.about.speed_limits)

@@ -17,8 +17,8 @@ DAMPING = 1e-4  # m²
 
 @dataclass(frozen=True)
 class Guard:
-    """Lets the hand approach a face of the box, and a joint its limit, no faster than the distance
-    over SLOW_S. Outside, only the way back is open.
+    """Limits the hand's speed towards each face of the box, and each joint's speed towards its
+    limit, to the distance left divided by SLOW_S. Outside the box the hand can only move back.
 
     Of the arm only the hand is guarded: an elbow may leave the box.
     """
