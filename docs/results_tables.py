@@ -30,10 +30,11 @@ from pa_ros.evaluation.pushing import EndsRow
 from pa_ros.evaluation.tables import read_curves, read_rows, read_setting
 from pa_ros.evaluation.variants import Variant
 from pa_ros.learning.checkpoint_files import SHIPPED
+from pa_ros.perception import VIEWS
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "docs/results"
-PAGES = (ROOT / "RESULTS.md", ROOT / "README.md")
+PAGES = (ROOT / "RESULTS.md", ROOT / "README.md", ROOT / "docs/camera.md")
 
 # Tables of seeds by what they show; the words are the first cell.
 SEEDS = {
@@ -44,7 +45,11 @@ SEEDS = {
     "programmable-3D.paper-arm": "3-D, slow arm",
     "programmable-3D-exact": "3-D without spare words",
     "relations-3D": "3-D, six relations",
+    "relations-3D.paper-arm": "3-D, six relations, slow arm",
+    "camera-2L": "2-L, seen by a camera",
     "camera-3D": "3-D, seen by a camera",
+    "corner-3D": "3-D, seen from a corner",
+    "both-3D": "3-D, seen from above and a corner",
     "distilled-2L": "2-L, distilled critic",
     "distilled-3D": "3-D, distilled critic",
     "canonical-2L": "2-L, canonical",
@@ -252,6 +257,19 @@ def conditions() -> str:
     for arm_name in ARMS.values():
         head += [f"{arm_name} arm", "worst agent", "blind"]
     return table(head, rows)
+
+
+def views() -> str:
+    """Agents that see, by what they see through: each condition that was measured."""
+    found, rows = {name: summaries(f".{name}-3D") for name in VIEWS}, []
+    for condition in [name for name in CONDITIONS if name in found["camera"]]:
+        cells = [in_words(condition)]
+        for seen in found.values():
+            row = seen.get(condition)
+            score = row and f"{row.normalized:.2f} [{row.low:.2f}, {row.high:.2f}]"
+            cells += [score or "–", f"{row.worst_seed:.2f}" if row else "–"]
+        rows.append(cells)
+    return table(["", *(cell for name in VIEWS for cell in (f"`{name}`", "worst agent"))], rows)
 
 
 def relations() -> str:
@@ -497,7 +515,7 @@ def pushing_variants() -> str:
 
 TABLES: dict[str, Callable[[], str]] = {
     "headline": headline, "seeds": seeds, "conditions": conditions, "logic": logic,
-    "relations": relations,
+    "relations": relations, "views": views,
     "detectors": detectors, "equalities": equalities, "forgetting": forgetting,
     "variants": variants, "peers": peers, "baselines": baselines, "claims": claims,
     "pushing_seeds": pushing_seeds, "pushing_conditions": pushing_conditions,

@@ -2,10 +2,12 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pa_ros.cli import main as cli
 from pa_ros.evaluation.agents import load_agent
+from pa_ros.evaluation.detectors import detector_table
 from pa_ros.networks.config import actor_config
 
 pytest.importorskip("cv2", reason="no OpenCV: install programmable-agents[camera]")
@@ -73,3 +75,11 @@ def test_what_a_camera_cannot_do_is_one_line(
     run = [*TRAIN, "--out", str(tmp_path / "run"), "--frames", "100", *options]
     assert cli.main(run) == 2
     assert why in capsys.readouterr().err
+
+
+def test_words_of_seen_blocks_are_judged_by_the_blocks_that_they_are() -> None:
+    agent = load_agent("shipped:camera")
+    rows = [row for row in detector_table({700: agent}, 3) if row.seen]
+    assert {row.word for row in rows} == set(agent.design.words)
+    assert np.mean([row.right for row in rows]) > 0.95
+    assert np.mean([row.separated for row in rows]) > 0.95

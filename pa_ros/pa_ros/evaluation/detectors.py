@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,14 @@ from pa_ros.core.experience import Float32, Observation
 from pa_ros.evaluation.agents import TrainedAgent
 from pa_ros.evaluation.evaluate import EPISODES_SEED
 from pa_ros.language import Logic, parse, relevance, satisfying
+from pa_ros.perception import task_seen
+from pa_ros.world.poses import POSE_WIDTH, in_base
 
 KNOWN, UNSEEN = "eval", "reach-new-both"
 """Conditions of the scenes; the second one, if the design has it, shows new properties."""
 
 EVERY = 20  # control steps between the observations that are judged
+FOUND_M = 0.03  # an object that a camera found is the block so near to it
 
 
 @dataclass(frozen=True)
@@ -49,12 +52,13 @@ class DetectorLook:
 class DetectorView:
     """Φ of a trained agent, along the episodes in which it acts.
 
+    Of an agent that sees, observations count in which all blocks were found.
     Raises ConfigError for an agent without detectors.
     """
 
     def __init__(self, agent: TrainedAgent) -> None:
         self._agent, self._insight = agent, Insight(agent.snapshot, agent.logic)
-        self._task = ReachTask(agent.arena, agent.design, EPISODES_SEED)
+        self._task = task_seen(agent.arena, agent.design, EPISODES_SEED, agent.perception)
 
     def looks(self, condition: str, episodes: int) -> Iterator[DetectorLook]:
         """Yield a look every EVERY steps of episodes 0 … `episodes` − 1 of a condition."""
@@ -62,8 +66,9 @@ class DetectorView:
         for index in range(episodes):
             observation, verdict = task.reset(index, condition)
             while True:
-                if observation.step % EVERY == 0:
-                    yield self._look(observation)
+                rows = self._rows(observation) if observation.step % EVERY == 0 else None
+                if rows is not None:
+                    yield self._look(replace(observation, objects=observation.objects[rows]))
                 if verdict.truncated:
                     break
                 observation, verdict = task.step(act(observation, task.program))
@@ -76,6 +81,15 @@ class DetectorView:
         while observation.step < look.step:
             observation, _ = task.step(act(observation, task.program))
         return task
+
+    def _rows(self, observation: Observation) -> NDArray[np.intp] | None:
+        """The rows of the hand and of each block; None if a block has none."""
+        poses = observation.objects[1:, :POSE_WIDTH].astype(np.float64)
+        places = in_base(observation.hand_pose, poses)[:, :2]
+        true = self._task.simulation.positions[1:, :2]
+        apart = np.linalg.norm(true[:, None] - places, axis=-1)
+        found = apart.shape[1] > 0 and (apart.min(1) < FOUND_M).all()
+        return np.concatenate([[0], 1 + apart.argmin(1)]) if found else None
 
     def _look(self, observation: Observation) -> DetectorLook:
         task, logic = self._task, self._agent.logic
