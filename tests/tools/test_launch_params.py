@@ -68,7 +68,7 @@ def test_an_error_says_what_was_received(tmp_path, text, reason):
 )  # fmt: skip
 def test_nodes_that_belong_to_no_arena_are_refused(tmp_path, keys):
     text = yaml.dump({key: {"ros__parameters": {"seed": i}} for i, key in enumerate(keys)})
-    with pytest.raises(ConfigError, match=f"an arena in each .*, got {keys[1]}"):
+    with pytest.raises(ConfigError, match=f"a sim_node each .*, got {keys[1]}"):
         load_parameters(written(tmp_path, text))
 
 
