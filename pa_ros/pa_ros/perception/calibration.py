@@ -38,8 +38,8 @@ MARGINS = {"shape": 1.4, "color": 6.0}  # times as far as usual is novel
 class Channel:
     """Maps the D numbers of a look to W features: z-scores, projected; zero for novel looks.
 
-    Whether a look is novel is told by the numbers themselves: z-scores enlarge pixels that are
-    almost the same for all known blobs, and with them their noise.
+    Novelty is measured between the numbers themselves. Z-scores would enlarge the noise of pixels
+    that scarcely differ between known blobs.
     """
 
     mean: Float32  # [D]
