@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from helpers.worlds import dpg, random_trajectory
+from helpers.pushing import CUBE, PLACE, PROGRAMS, PUSH, SPHERE, STEPS, TEXTS, WORDS, pushed
+from helpers.worlds import dpg
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import HAND_INDEX
-from pa_ros.language import Vocabulary, parse
+from pa_ros.language import parse
 from pa_ros.learning.config import HindsightConfig
 from pa_ros.learning.errors import LearningError
 from pa_ros.learning.hindsight import Hindsight, Transitions
@@ -17,38 +18,9 @@ from pa_ros.learning.replay_buffer.buffer import ReplayBuffer
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Scoring, Trajectory
 from pa_ros.world.measures import ProgramMeasures
-from pa_ros.world.poses import in_base, in_hand
+from pa_ros.world.poses import in_base
 from pa_ros.world.programs import ProgramTable, crisp_roles
-from pa_ros.world.schema import PUSHING, ObjectSchema, PropertyGroup, Seen
-from pa_ros.world.world import World
-
-WORDS = Vocabulary.of(shape=("CUBE", "SPHERE", "PLACE"), color=("RED", "BLUE")).moving("PLACE")
-PUSH = World(PUSHING, WORDS, joints=6)
-TEXTS = ("NEAR(CUBE, RED)", "NEAR(AND(RED, SPHERE), PLACE)", "NEAR(CUBE, PLACE)",
-         "NEAR(HAND, CUBE)", "NEAR(HAND, PLACE)", "NEAR(CUBE, SPHERE)")  # fmt: skip
-PROGRAMS = [parse(text, WORDS) for text in TEXTS]
-CUBE, SPHERE, PLACE = 1, 2, 3
-STEPS = 20
-
-
-def pushed(rng: np.random.Generator, sequence: int, moves: bool) -> Trajectory:
-    """A trajectory in which the hand goes anywhere and the cube along x, if it moves."""
-    base = np.zeros((STEPS + 1, 4, 7))
-    base[..., 6] = 1.0
-    base[:, HAND_INDEX] = rng.normal(size=(STEPS + 1, 7))
-    base[:, HAND_INDEX, 3:] /= np.linalg.norm(base[:, HAND_INDEX, 3:], axis=-1, keepdims=True)
-    base[:, 1:, :3] = rng.uniform(-0.5, 0.5, (3, 3))
-    base[:, 1:, 2] = 0.03
-    if moves:
-        base[:, CUBE, 0] += np.linspace(0, 2, STEPS + 1)
-    kinds = [{"shape": s, "color": "RED"} for s in ("CUBE", "SPHERE", "PLACE")]
-    objects = np.zeros((STEPS + 1, 4, PUSH.object_features), np.float32)
-    objects[:, 1:] = [PUSHING.features(kind) for kind in kinds]
-    objects[..., :7] = in_hand(base[:, :1], base)
-    arm = np.zeros((STEPS + 1, PUSH.arm_features), np.float32)
-    arm[:, -7:] = base[:, HAND_INDEX]
-    fields = {"objects": objects, "arm": arm, "world_digest": PUSH.digest, "program": PROGRAMS[0]}
-    return random_trajectory(rng, STEPS, sequence=sequence, **fields)
+from pa_ros.world.schema import ObjectSchema, PropertyGroup, Seen
 
 
 @pytest.fixture

@@ -165,7 +165,7 @@ class TorchEngine(ABC):
             return {}
         gradients = [p.grad for p in self.networks[ACTOR].parameters() if p.grad is not None]
         # An algorithm that updates its actor less often may have no gradients of it yet.
-        norms = [g.norm() for g in gradients] or [torch.zeros(())]
+        norms = [g.norm() for g in gradients] or [torch.zeros((), device=self.device)]
         norm = torch.stack(norms).norm()
         values = torch.stack([*self._latest, norm]).tolist()  # the only wait for the device
         return dict(zip(("critic_loss", "mean_q", "actor_gradient_norm"), values, strict=True))
