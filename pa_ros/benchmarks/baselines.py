@@ -93,8 +93,8 @@ def run(options: argparse.Namespace) -> Report:
     for seed in range(options.first_seed, options.first_seed + options.seeds):
         for method in options.methods:
             rates = BEST_RATES.get(method, 1.0) if options.rates is None else options.rates
-            name = f"{method}-{options.design}-{options.frames}-{rates:g}-{seed}.csv"
-            path = options.runs / name
+            setting = (method, options.design, options.preset, options.frames, options.episodes)
+            path = options.runs / f"{'-'.join(map(str, setting))}-{rates:g}-{seed}.csv"
             if not path.exists():
                 write_rows(path, scored(method, options, seed, rates))
             rows = read_rows(path, BaselineScore)

@@ -7,7 +7,7 @@ import pytest
 
 from pa_ros.arena import condition_named, design_named, generate, preset_named
 from pa_ros.evaluation import results
-from pa_ros.evaluation.agents import TrainedAgent
+from pa_ros.evaluation.agents import TrainedAgent, load_agent
 from pa_ros.evaluation.equalities import CONDITIONS, LAWS, Difference, Law, difference_table
 from pa_ros.evaluation.tables import read_rows
 from pa_ros.language import LOGICS, Logic, Program, Word, parse, relevance, satisfying
@@ -78,3 +78,9 @@ def test_only_the_inexact_laws_notice_blurred_detectors(novice: TrainedAgent, lo
     rows = difference_table({0: replace(novice, logic=logic)}, 1)
     for row in rows:
         assert (row.p > 1e-2) != row.exact, row
+
+
+def test_agents_that_see_are_compared_through_their_cameras() -> None:
+    pytest.importorskip("cv2", reason="no OpenCV: install programmable-agents[camera]")
+    rows = difference_table({0: load_agent("shipped:camera")}, 1)
+    assert max(row.p for row in rows if row.exact) < 1e-6

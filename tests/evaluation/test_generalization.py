@@ -47,6 +47,7 @@ def test_all_conditions_include_those_of_custom_groups_and_relations() -> None:
     assert all(name.startswith(("blocks-", "chain-", "compare")) for name in by_success)
     assert {"blocks-4", "compare", "compare-size", "chain-2"} <= by_success
     assert set(names) - set(conditions_for(design)) == {"random"}
+    assert "blocks-4" in conditions_of(design_named("push-3D"))
     for name in ("2-L", "3-D-exact"):
         assert set(conditions_of(design_named(name))) <= set(CONDITIONS)
 

@@ -65,6 +65,16 @@ def test_a_seed_that_ends_there_is_judged_by_its_fresh_episodes(tmp_path: Path) 
     assert (ours.solved, noise.solved) == (1, 1)
 
 
+def test_any_experiment_may_have_variants(tmp_path: Path, capsys) -> None:
+    base = EXPERIMENTS["relations-3D"]
+    table(tmp_path, base, {0: [0.1, 0.95]})
+    assert main(["experiment", "variants", "--results", str(tmp_path)]) == 1
+    assert "expected an experiment's tables with and without --tag" in capsys.readouterr().out
+    table(tmp_path, replace(base, tag="a", options={"learner.detectors.sparsity": 0}), {0: [0.2]})
+    assert main(["experiment", "variants", "--results", str(tmp_path)]) == 0
+    assert (tmp_path / "relations-3D-variants.csv").exists()
+
+
 def test_algorithms_are_compared_but_are_no_variants(tmp_path: Path) -> None:
     table(tmp_path, BASE, {0: [0.1, 0.95, 0.96]})
     table(tmp_path, replace(BASE, algorithm="td3"), {0: [0.1, 0.2, 0.93], 1: [0.1, 0.2, 0.94]})

@@ -137,6 +137,7 @@ SETTINGS = dpg(
     relabeling__rule="all-goals",
 )
 SPEED = np.ones(6)
+ENVIRONMENT = {"design": "2-L", "preset": "fast", "arm": "jaco"}
 
 
 def run(
@@ -148,5 +149,6 @@ def run(
     **fields: object,
 ) -> Learner:
     """Train on the point world."""
-    config = TrainConfig(**{"out": out, "seed": 3, "frames": frames, **fields})  # type: ignore[arg-type]
+    given = {"out": out, "seed": 3, "frames": frames, "environment": ENVIRONMENT, **fields}
+    config = TrainConfig(**given)  # type: ignore[arg-type]
     return train(config, network, settings, PointWorld(3), SPEED, PROGRAMS, None, resume)

@@ -12,6 +12,7 @@ from helpers.worlds import (
     PROGRAMS,
     SCORING,
     SETTINGS,
+    WORDS,
     PointWorld,
     dpg,
     random_trajectory,
@@ -26,6 +27,8 @@ from pa_ros.learning.checkpoints import load_policy, read_metadata, restore, sav
 from pa_ros.learning.errors import CheckpointError, DivergedError
 from pa_ros.learning.learner import Learner
 from pa_ros.networks.config import NetworkConfig
+from pa_ros.world.schema import PAPER
+from pa_ros.world.world import World
 
 FILES = ("metadata.json", "engine.safetensors", "replay.safetensors", "policies.safetensors")
 
@@ -93,6 +96,24 @@ def test_a_checkpoint_names_the_machines_that_its_run_used(saved, monkeypatch) -
 def test_another_learners_checkpoint_is_rejected(saved, network, settings, message) -> None:
     with pytest.raises(CheckpointError, match=message):
         restore(saved, Learner(network, settings, PROGRAMS, 3, SCORING))
+
+
+def test_of_another_world_the_part_that_differs_is_named(saved) -> None:
+    network = NETWORK.changed(world=World(PAPER, WORDS, joints=7))
+    with pytest.raises(CheckpointError) as refused:
+        restore(saved, Learner(network, SETTINGS, PROGRAMS, 3, SCORING))
+    assert str(refused.value).endswith(": differs in world.joints: checkpoint 6, here 7")
+
+
+def test_an_agent_acts_whose_learning_settings_are_not_known_here(saved) -> None:
+    metadata = find_checkpoint(saved) / "metadata.json"
+    values = json.loads(metadata.read_text())
+    network = json.loads(values["network"]) | {"later": 1}
+    metadata.write_text(json.dumps(values | {"network": json.dumps(network)}))
+    (find_checkpoint(saved) / "SHA256SUMS").unlink()
+    assert load_policy(saved).version
+    with pytest.raises(CheckpointError, match="agents can use its weights"):
+        restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
 
 
 def test_other_training_programs_are_rejected(saved) -> None:

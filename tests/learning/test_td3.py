@@ -100,6 +100,14 @@ def test_actor_and_targets_move_at_every_second_update_and_targets_a_share() -> 
     assert not moved(twice, engine.tensors())
 
 
+def test_all_rates_halve_with_the_updates_of_the_critics() -> None:
+    engine = made(CONFIG.changed(**{"optimizer.half_life": 2.0}))
+    for _ in range(5):
+        engine.update(random_batch(np.random.default_rng(0), 4, 1, 2))
+    for adam in engine._adams.values():  # noqa: SLF001
+        assert [group["lr"] / group["initial_lr"] for group in adam.param_groups] == [0.25]
+
+
 def moved(before: dict, after: dict) -> set[str]:
     """Networks of which any weight differs."""
     weights = [name for name in before if not name.startswith("adam.")]

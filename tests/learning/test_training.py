@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from helpers.worlds import (
+    ENVIRONMENT,
     NETWORK,
     PROGRAMS,
     SCORING,
@@ -149,9 +150,6 @@ def test_a_run_cut_off_repeats_what_its_checkpoint_lacks(tmp_path) -> None:
         assert [float(row["frames"]) for row in csv.DictReader(file)] == list(range(20, 201, 20))
     for name, tensor in load_policy(out / "checkpoint").tensors.items():
         np.testing.assert_array_equal(tensor, final.tensors[name])
-
-
-ENVIRONMENT = {"design": "2-L", "preset": "fast", "arm": "jaco"}
 
 
 @pytest.mark.parametrize(

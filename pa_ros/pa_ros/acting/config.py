@@ -19,7 +19,8 @@ class ExplorationConfig(Settings):
         0.0,
         ge=0,
         le=1,
-        description="time with a uniform action that is held, per time without: 0.3 is a quarter",
+        description="steps with a random action that is held, per step without: 0.3 is about a "
+        "quarter of all steps",
     )
     damping: ClassVar[float] = 1.0  # θ, per second (paper)
     held_steps: ClassVar[int] = 8  # for which such an action is held on average
@@ -35,9 +36,9 @@ class Schedule(Settings):
 
     in_step: Literal["arrival", "exact", "free"] = Field(
         "arrival",
-        description="of several agents: arrival, each waits for its own trajectories' weights, "
-        "learned from as they come; exact, learned from in turn, one seed, one result; free, "
-        "nobody waits, agents act with the newest weights",
+        description="how several agents wait. arrival: trajectories are learned from as they "
+        "arrive, and each agent waits for the weights of its own; exact: they are learned from in "
+        "a fixed order, so that a seed repeats; free: nobody waits",
     )
     trajectory_steps: int = Field(
         100, ge=1, le=10_000, description="transitions per trajectory: an episode"

@@ -80,6 +80,8 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError(f"eval --logic: expected --checkpoint, got --policy {options.policy}")
     if options.policy and options.judge != "verifier":
         raise ConfigError(f"eval --judge: expected --checkpoint, got --policy {options.policy}")
+    if options.policy and options.pictures != "plain":
+        raise ConfigError(f"eval --pictures: expected --checkpoint, got --policy {options.policy}")
     if options.checkpoint and options.relations:
         raise ConfigError("eval --relations: needs --policy; a checkpoint has its own relations")
     if options.checkpoint:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import itertools
 import logging
 import math
 import os
@@ -200,29 +199,24 @@ def _figure(value: float, width: int, digits: int = 0, unit: str = "") -> str:
     return f"{text:>{width + len(unit)}}"
 
 
-REACHING = ("paper", "fast")  # presets
-
-
 def _compare(results: Path) -> int:
-    """Write a table of variants for each experiment that may have any, on each arm."""
-    from pa_ros.evaluation.experiments import EXPERIMENTS
+    """Write a table of variants for each table without a tag that has any."""
     from pa_ros.evaluation.results import write_variants
-    from pa_ros.evaluation.tables import EvaluationError
+    from pa_ros.evaluation.tables import EvaluationError, read_setting
     from pa_ros.evaluation.variants import NO_VARIANTS
 
-    written, missing, labels = 0, [], ["push-2"]
-    for name, preset in itertools.product(("programmable-2L", "programmable-3D"), REACHING):
-        labels.append(replace(EXPERIMENTS[name], preset=preset).label)
-    for label in labels:
+    written = 0
+    for table in sorted(results.glob("*.json")):
+        if read_setting(table).get("tag") != "":
+            continue
         try:
-            print(write_variants(label, results))
+            print(write_variants(table.stem, results))
             written += 1
         except EvaluationError as error:
             if error.code != NO_VARIANTS:
                 raise
-            missing.append(str(error))
     if not written:
-        print("\n".join(missing))
+        print(f"variants: expected an experiment's tables with and without --tag in {results}")
     return int(not written)
 
 
@@ -254,7 +248,7 @@ def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
     else:
         if options.cluster is not None:  # the cluster computes the scores that are read below
             with Cluster(options.cluster, options.extension) as cluster:
-                score_on(cluster, runs, scores, logic=logic)
+                score_on(cluster, runs, scores, conditions=options.conditions, logic=logic)
         for row in results.generalization(
             agents, options.results, scores, suffix=suffix, conditions=options.conditions
         ):

@@ -34,7 +34,7 @@ def add_learning(parser: argparse.ArgumentParser, *, with_network: bool = True) 
     from pa_ros.learning.algorithms import ALGORITHMS
     from pa_ros.learning.protocols import LearningSettings
 
-    otherwise = "ours; push or avoid for designs that do"
+    otherwise = "ours; push or deep for designs that need it"
     add_setting(parser, LearningSettings, "protocol", otherwise=otherwise)
     add_settings(parser, LearningSettings, "algorithm")
     if with_network:

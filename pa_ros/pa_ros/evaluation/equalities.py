@@ -17,7 +17,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from pa_ros.arena import ReachTask
 from pa_ros.core.experience import Observation
 from pa_ros.evaluation.agents import TrainedAgent
 from pa_ros.evaluation.evaluate import EPISODES_SEED
@@ -25,6 +24,7 @@ from pa_ros.language import LOGICS, MIN_MAX, And, Expression, Not, Or, Program, 
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.relevance import program_tensors, relevant_objects
+from pa_ros.perception import task_seen
 from pa_ros.world.programs import ProgramTable
 
 CONDITIONS = ("eval", "depth-3")
@@ -124,7 +124,7 @@ class _Comparison:
         self._limits = np.array(agent.arena.joint_speed_limits)
         self._world, self._vocabulary = network.world, network.vocabulary
         self._inference = TorchActor(network, agent.snapshot.tensors, agent.logic)
-        self._task = ReachTask(agent.arena, agent.design, EPISODES_SEED)
+        self._task = task_seen(agent.arena, agent.design, EPISODES_SEED, agent.perception)
 
     def measure(self, law: Law, condition: str, index: int) -> tuple[float, float, float]:
         """An episode's largest differences of p and of the action; right minus left score."""

@@ -33,7 +33,7 @@ CONDITIONS = (
     *(f"several-{count}" for count in (1, 2, 3, "all")),
 )
 """Those of the paper, in the order of its figure, then longer programs and several targets."""
-BY_SUCCESS = ("blocks-", "chain-", "compare", "avoid", "finite-")
+BY_SUCCESS = ("chain-", "compare", "avoid", "finite-")
 """Beginnings of the names of conditions that are scored by success."""
 
 
@@ -58,12 +58,13 @@ class ConditionRow:
 def conditions_of(design: Design) -> tuple[str, ...]:
     """All conditions of a design: those of CONDITIONS, then custom ones in the design's order.
 
-    Numbers of blocks are only those of CONDITIONS. Chains, comparisons, and what is to be avoided
-    are left out: they are scored by success.
+    Chains, comparisons, and what is to be avoided are left out: they are scored by success. Where
+    the hand is moved, numbers of blocks are only those of CONDITIONS.
     """
     known = conditions_for(design)
+    skipped = BY_SUCCESS if design.vocabulary.moves_objects else (*BY_SUCCESS, "blocks-")
     ours = [name for name in CONDITIONS if name in (*known, RANDOM_WEIGHTS)]
-    own = [name for name in known if name not in ours and not name.startswith(BY_SUCCESS)]
+    own = [name for name in known if name not in ours and not name.startswith(skipped)]
     return (*ours, *own)
 
 

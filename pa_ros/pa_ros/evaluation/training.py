@@ -2,32 +2,43 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from pa_ros.arena import ArenaConfig, Design, training_programs
+from pa_ros.core.errors import ConfigError
 from pa_ros.evaluation.evaluate import TrainingScores
-from pa_ros.learning import checkpoints
+from pa_ros.learning.checkpoint_files import newest_whole
+from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.learning.interfaces import Evaluate, Log, Watcher
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.loop import train
 from pa_ros.learning.protocols import LearningSettings
-from pa_ros.perception import TOLD, calibrated, task_seen
+from pa_ros.perception import TOLD, VIEWS, calibrated, task_seen
 from pa_ros.world import Reward
 
 
 def camera_of(run: Path | None, arena: ArenaConfig, design: Design, perception: str = TOLD) -> str:
     """The calibration of the camera that a run sees through (`perception.VIEWS`); "" for TOLD.
 
-    A resumed run keeps its own camera; `run` is its folder. ConfigError if it has none.
+    A resumed run keeps its own camera; `run` is its folder. ConfigError if another is asked for.
     """
-    if run is None or perception == TOLD:
+    if run is None:
         return calibrated(arena, design, perception)
-    return checkpoints.camera_of(checkpoint_of(run))
+    newest, _ = newest_whole(checkpoint_of(run))
+    kept = str(read_metadata(newest)["extra"].get("perception", ""))
+    if perception != TOLD:
+        views = [json.loads(camera)["view"] for camera in kept.splitlines()]
+        if views != VIEWS[perception]:
+            raise ConfigError(
+                f"perception: expected that of the resumed run, {views or TOLD}, got {perception}"
+            )
+    return kept
 
 
 def train_agent(

@@ -15,7 +15,7 @@ import os
 import re
 import shutil
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +41,9 @@ from pa_ros.learning.checkpoint_files import (
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.errors import CheckpointError, DivergedError
 from pa_ros.learning.learner import Counters, Learner
-from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.world import Scoring
+from pa_ros.world.world import World
 
 FORMAT = 4
 POLICIES = "policies.safetensors"
@@ -210,8 +211,8 @@ def _check_same(
                 f"checkpoint: {directory}: expected settings that this version knows, got others; "
                 f"agents can use its weights, but learning cannot resume ({error})"
             ) from error
-        theirs |= network.flat() | config.flat()
-        ours |= ours_network.flat() | ours_config.flat()
+        theirs |= _settings(network, config)
+        ours |= _settings(ours_network, ours_config)
     differing = [
         f"{name}: checkpoint {theirs[name]!r}, here {ours[name]!r}"
         for name in sorted(ours)
@@ -221,10 +222,16 @@ def _check_same(
         raise CheckpointError(f"checkpoint: {directory}: differs in {'; '.join(differing)}")
 
 
+def _settings(network: NetworkConfig, config: LearnerConfig) -> dict[str, Any]:
+    """All settings by name, and the parts of the world."""
+    parts = {f"world.{one.name}": getattr(network.world, one.name) for one in fields(World)}
+    return {**network.flat(), **config.flat(), **parts, "world": None}
+
+
 def _load_policies(directory: Path, values: dict[str, Any]) -> list[PolicySnapshot]:
     """The published policies, oldest first."""
     arrays = load_arrays(directory / POLICIES)
-    digest = NetworkConfig.from_json(values["network"]).world.digest
+    digest = actor_config(values["architecture"]).world.digest
     tensors: dict[str, dict[str, NDArray[Any]]] = {}
     for path, array in arrays.items():
         version, _, name = path.partition("/")

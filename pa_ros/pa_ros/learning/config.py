@@ -53,7 +53,7 @@ class OptimizerConfig(Settings):
 class DetectorsConfig(Settings):
     """Settings of the detectors' learning."""
 
-    gain: float = Field(1.0, gt=0, description="of both rates, for the detectors' weights")
+    gain: float = Field(1.0, gt=0, description="factor of both learning rates, for the detectors")
     sparsity: float = Field(
         0.0,
         ge=0,
@@ -166,17 +166,16 @@ class TrainConfig(Settings):
     seed: int = Field(0, ge=0, description="of episodes, exploration and weights")
     frames: int = Field(100_000, ge=1, description="control steps to train for, whole episodes")
     environment: dict[str, str] = Field(
-        {"design": "2-L", "preset": "fast", "arm": "jaco"},
-        description="names of its parts, kept in checkpoints; a run is resumed in the same one",
+        {},
+        description="names of its design, preset and arm, kept in checkpoints; a run is resumed in "
+        "the same one",
     )
     condition: str = Field("train", description="that episodes are drawn from")
     agent_id: ClassVar[str] = "agent"  # there is one agent
     evaluate_every_frames: int = Field(
         10_000, ge=0, description="frames between evaluations, rows of progress.csv; 0: never"
     )
-    evaluation_episodes: int = Field(
-        20, ge=1, description="episodes of each evaluation, which the caller makes"
-    )
+    evaluation_episodes: int = Field(20, ge=1, description="episodes of each evaluation")
     checkpoint_every_frames: int = Field(
         50_000, ge=0, description="frames between checkpoints; 0: only at the end"
     )

@@ -63,7 +63,7 @@ class NetworkSettings(Settings):
     )
     critic_output_bias: float = Field(0.0, description="initial bias of the critic's output")
     detector_init_scale: float = Field(
-        1.0, ge=0, description="initial weights: of the detectors', as a factor"
+        1.0, ge=0, description="factor of the detectors' initial weights"
     )
     detectors_have_biases: bool = Field(
         True, description="whether detectors learn biases; without, each stays 0"
@@ -72,7 +72,7 @@ class NetworkSettings(Settings):
         True, description="whether f, r and the attention see the properties (paper)"
     )
     self_weight: float = Field(
-        1.0, ge=0, description="of an object's attention to itself; the paper's formula has 1"
+        1.0, ge=0, description="factor of an object's attention to itself (paper: 1)"
     )
 
     def for_world(self, world: World) -> NetworkConfig:

@@ -100,6 +100,11 @@ class TorchEngine(ABC):
             if name != "goals"
         }
         x = Inputs(**floats, goals=self.goals(batch.program))
+        if self._config.optimizer.half_life:
+            share = self._config.optimizer.share(max(map(self.updates, self._adams)))
+            for adam in self._adams.values():
+                for group in adam.param_groups:
+                    group["lr"] = group["initial_lr"] * share
         self._latest = self.step(x)
 
     def goals(self, program: NDArray[np.int32]) -> Any:
@@ -128,10 +133,6 @@ class TorchEngine(ABC):
     def descend(self, name: str, loss: Tensor, gradient: Any = None) -> None:
         """A step of Adam for one network by its loss, or, given dL/dy `gradient`, for L of y."""
         adam = self._adams[name]
-        if self._config.optimizer.half_life:
-            share = self._config.optimizer.share(self.updates(name))
-            for group in adam.param_groups:
-                group["lr"] = group["initial_lr"] * share
         adam.zero_grad()
         torch.autograd.backward(loss, gradient)
         adam.step()
