@@ -34,6 +34,13 @@ def test_programs_continue_from_where_the_arm_is() -> None:
     assert arena.picture(64).shape == (64, 64, 3)
 
 
+def test_a_violated_goal_is_over_with_its_reason() -> None:
+    arena, agent = pa_ros.make_arena(seed=2), pa_ros.load()
+    arena.execute(agent, "NEAR(HAND, SPHERE)")
+    result = arena.execute(agent, "THEN(NEAR(HAND, SPHERE), AVOID(SPHERE, NEAR(HAND, CYLINDER)))")
+    assert (result.success, result.code) == (False, "goal.violated")
+
+
 def test_what_cannot_be_executed_is_rejected() -> None:
     arena, agent = pa_ros.make_arena(seed=2), pa_ros.load()
     with pytest.raises(ProgramError, match="did you mean CUBE"):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pa_ros.acting.execution import Execution, ExecutionWatch
+from pa_ros.acting.execution import ENDED, Execution, ExecutionWatch
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Step
 from pa_ros.language import stages
@@ -34,12 +34,6 @@ ACTION = EXECUTE_PROGRAM[0]
 FEEDBACK_S = 0.2  # wall time
 RESEND_S = 1.0  # wall time after which a program that no arena answered is sent again
 FOREVER_S = 1e9  # simulation time
-ENDED = {  # how an execution ended → code and reason of the result
-    "window": ("goal.time_limit", "the time limit came first"),
-    "violated": ("goal.violated", "an object to be avoided was near"),
-    "episode": ("goal.episode_ended", "the arena's episode ended"),
-    "replaced": ("goal.replaced", "another program, or another scene, took its place"),
-}
 
 
 @dataclass

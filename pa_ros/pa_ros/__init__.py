@@ -201,10 +201,13 @@ class Arena:
         act = greedy(agent.snapshot, self.task.config, agent.logic)  # at this arm's speeds
         text, steps, satisfied = str(self.task.goal), 0, 0
         max_steps *= len(stages(self.task.goal))
-        while steps < max_steps and satisfied < HOLD_STEPS:
+        while steps < max_steps and satisfied < HOLD_STEPS and not self.verdict.violated:
             self.step(act(self.observation, self.task.program))
             steps, satisfied = steps + 1, satisfied + 1 if self.verdict.satisfied else 0
         verdict = self.verdict
+        if verdict.violated:
+            reason = "an object to be avoided was near"
+            return Result(text, False, verdict.distance, None, reason, "goal.violated")
         if satisfied < HOLD_STEPS:
             reason = f"not satisfied for {HOLD_STEPS} steps within {max_steps}"
             return Result(text, False, verdict.distance, None, reason, "goal.time_limit")

@@ -164,5 +164,6 @@ def test_a_goal_is_watched_until_it_is_violated_and_longer_for_more_programs() -
     result = watch.observe(after)
     assert result is not None and (result.satisfied, result.ended) == (False, "violated")
     assert result.text(text) == (
-        "not satisfied: violated after 0.0 s, in stage 2 of 2, at 0.50 of both limits"
+        "not satisfied: an object to be avoided was near, after 0.0 s, in stage 2 of 2, "
+        "at 0.50 of the limits"
     )

@@ -13,7 +13,9 @@ from pa_ros.arena import (
     scripted_action,
 )
 from pa_ros.arena.episodes import AVOID_WITHIN_M, Block
-from pa_ros.language import And, Not, Or, Program, satisfying
+from pa_ros.core.errors import ConfigError
+from pa_ros.evaluation.agents import load_agent
+from pa_ros.language import And, Not, Or, Program, parse, satisfying
 
 DESIGN = design_named("3-D-avoid")
 
@@ -45,6 +47,11 @@ def test_what_is_to_be_avoided_is_near_the_target(
             assert (avoided[0].kind in DESIGN.held_out) == held_out
 
 
+def test_what_avoids_has_one_relation_of_the_hand() -> None:
+    with pytest.raises(ConfigError, match="avoids: expected the relation NEAR of the hand alone"):
+        DESIGN.with_relations("NEAR", "ABOVE")
+
+
 def test_half_of_the_training_episodes_avoid() -> None:
     task = ReachTask(preset_named("fast"), DESIGN, seed=2)
     avoids = []
@@ -66,3 +73,34 @@ def test_the_script_reaches_the_target_and_avoids_the_set(condition: str) -> Non
         while not verdict.truncated:
             _, verdict = task.step(scripted_action(task))
         assert verdict.satisfied and not verdict.violated
+
+
+def two_cubes(task: ReachTask, colors: set[str]) -> None:
+    """Reset the task to a scene of two cubes, exactly one of which has one of these colors."""
+    for index in range(200):
+        task.reset(index, "avoid")
+        cubes = [b.kind["color"] for b in task.episode.blocks if b.kind["shape"] == "CUBE"]
+        if len(cubes) == 2 and len(colors.intersection(cubes)) == 1:
+            return
+    raise AssertionError("no such scene")
+
+
+def test_script_and_agent_go_for_a_target_that_need_not_be_avoided() -> None:
+    task, agent = ReachTask(preset_named("fast"), DESIGN, seed=2), load_agent("shipped:avoid")
+    program = parse("AVOID(GREEN, NEAR(HAND, CUBE))", DESIGN.vocabulary)
+    for policy in (lambda _: scripted_action(task), lambda seen: agent.policy(seen, program)):
+        two_cubes(task, {"GREEN"})
+        observation, verdict = task.set_program(program)
+        while not verdict.truncated:
+            observation, verdict = task.step(policy(observation))
+        assert verdict.satisfied and not verdict.violated
+
+
+def test_a_comparison_is_made_beside_what_is_avoided() -> None:
+    task = ReachTask(preset_named("fast"), DESIGN, seed=2)
+    two_cubes(task, {"GREEN"})
+    task.set_program(parse("NEAR(HAND, LEFTMOST(CUBE))", DESIGN.vocabulary))
+    (leftmost,) = task.verifier.targets
+    program = parse("AVOID(NOT(CUBE), NEAR(HAND, LEFTMOST(CUBE)))", DESIGN.vocabulary)
+    task.set_program(program)
+    assert (task.verifier.targets, task.program) == ((leftmost,), program)

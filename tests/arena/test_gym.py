@@ -147,6 +147,23 @@ def test_a_flat_observation_takes_no_program_that_it_cannot_state() -> None:
         env.reset(seed=0, options={"program": f"NEAR(HAND, NOT({kinds[0]['shape']}))"})
 
 
+def test_what_is_to_be_avoided_is_observed_or_refused() -> None:
+    env = ReachEnv(design="3-D-avoid", observation="structured")
+    env.reset(seed=0)
+    a, b = (block.kind.conjunction for block in env.task.episode.blocks[:2])
+    texts = f"NEAR(HAND, {a})", f"AVOID({b}, NEAR(HAND, {a}))"
+    avoided = [env.reset(seed=0, options={"program": text})[0]["avoided"] for text in texts]
+    assert avoided[0] == len(env.design.vocabulary.words) != avoided[1]
+    assert env.observation_space.contains(env.reset()[0])
+    with pytest.raises(ConfigError, match="condition 'train' of 3-D-avoid: expected one that avoids"):
+        ReachEnv(design="3-D-avoid")
+    flat = ReachEnv(design="3-D")
+    flat.reset(seed=0)
+    a, b = (block.kind.conjunction for block in flat.task.episode.blocks[:2])
+    with pytest.raises(ConfigError, match="expected one that avoids nothing"):
+        flat.reset(seed=0, options={"program": f"AVOID({b}, NEAR(HAND, {a}))"})
+
+
 @pytest.mark.parametrize("observation", ["flat", "structured"])
 def test_a_deep_copy_is_independent(observation: str) -> None:
     """Copy and original both continue like an environment that was never copied."""

@@ -145,6 +145,12 @@ def test_wrong_commands_are_rejected_and_move_nothing(command: Float64) -> None:
     assert task.step(STILL)[0].step == 1
 
 
+def test_a_step_before_the_first_reset_is_rejected() -> None:
+    with pytest.raises(ArenaError, match="expected a reset before") as refusal:
+        new_task().step(STILL)
+    assert refusal.value.code == "arena.episode"
+
+
 def test_commands_are_clamped_to_the_limits() -> None:
     task, clamped = new_task(), new_task()
     task.reset(0), clamped.reset(0)

@@ -10,6 +10,7 @@ import pytest
 
 from helpers.learners import LEARNER, again, published
 from helpers.messages import judged
+from pa_ros.acting.actor import Actor
 from pa_ros.acting.insight import Insight, agent_logic, explained
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.console import markup
@@ -50,6 +51,23 @@ def test_p_is_the_programs_relevance_and_the_root_is_p_of_the_blocks():
     red = [i + 1 for i, b in enumerate(TASK.episode.blocks) if "RED" in b.kind.words]
     assert all(found.tree[1].degrees[i] > 0.9 for i in red)
     assert found.version == SNAPSHOT.version and found.words == VOCABULARY.words
+
+
+def test_p_of_a_comparison_is_that_by_which_the_agent_acts():
+    blue = [i for i, block in enumerate(TASK.episode.blocks, 1) if "CUBE" in block.kind.words]
+    assert len(blue) > 1
+    program = parse("NEAR(HAND, LEFTMOST(CUBE))", VOCABULARY)
+    found = Insight(SNAPSHOT).explain(OBSERVATION, program).p
+    np.testing.assert_array_equal(found, Actor.of(SNAPSHOT).relevance(OBSERVATION, program))
+    assert sum(found[i] > 0.5 for i in blue) == 1
+
+
+def test_words_that_the_weights_do_not_know_are_named_not_raised():
+    observation, _ = ReachTask(preset_named("fast"), design_named("2-L"), 2).reset(0)
+    for text in ("NEAR(HAND, GREEN)", "AVOID(GREEN, NEAR(HAND, YELLOW))"):
+        insight = Insight(load_policy(Path("shipped:2-L")))
+        found, why = explained(insight, observation, text, VOCABULARY)
+        assert found is None and why
 
 
 def test_networks_without_detectors_are_rejected():

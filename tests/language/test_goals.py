@@ -131,8 +131,8 @@ def test_each_stage_avoids_all_that_is_avoided_around_it() -> None:
 P = "NEAR(HAND, RED)"
 DEEPEST = "THEN(" * MAX_GOAL_DEPTH + P + f", {P})" * MAX_GOAL_DEPTH
 INVALID = {  # text: code, position, part of the message
-    f"THEN({P})": ("program.arity", 0, "expected 2 arguments or more to THEN, received 1"),
-    "ALL()": ("program.arity", 0, "expected 2 arguments or more to ALL, received 0"),
+    f"THEN({P})": ("program.arity", 0, "expected 2 arguments or more for THEN, received 1"),
+    "ALL()": ("program.arity", 0, "expected 2 arguments or more for ALL, received 0"),
     f"THEN(RED, {P})": ("program.syntax", 5, "expected NEAR, THEN, ALL or AVOID, received 'RED'"),
     f"AVOID({P}, {P})": ("program.syntax", 6, "(NEAR is not a property)"),
     f"NEAR(HAND, THEN({P}, {P}))": ("program.syntax", 11, "(THEN is a goal, not a set)"),

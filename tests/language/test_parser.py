@@ -137,7 +137,7 @@ def test_a_program_has_the_relation_that_its_text_names() -> None:
             "expected NEAR, ABOVE, LEFT_OF, THEN, ALL or AVOID, received",
         ),
         ("ABOVE(HAND, NEAR)", "syntax", 12, "(NEAR is not a property)"),
-        ("ABOVE(HAND, RED, BLUE)", "arity", 0, "expected 2 arguments to ABOVE, received 3"),
+        ("ABOVE(HAND, RED, BLUE)", "arity", 0, "expected 2 arguments for ABOVE, received 3"),
         (" ", "empty", 0, "such as NEAR(HAND, CUBE)"),
     ],
 )
@@ -194,7 +194,7 @@ def test_a_vocabulary_rejects_relations_that_no_text_can_name(
         ("NEAR(, RED)", "syntax", 5, "expected HAND, CUBE, SPHERE"),
         ("NEAR(RED, )", "syntax", 10, "expected HAND, CUBE, SPHERE"),
         ("NEAR(AND(RED, HAND), BLUE)", "syntax", 14, "HAND is not a property"),
-        ("NEAR(RED)", "arity", 0, "2 arguments to NEAR, received 1"),
+        ("NEAR(RED)", "arity", 0, "2 arguments for NEAR, received 1"),
         ("NEAR(REDD, BLUE)", "unknown_word", 5, "did you mean RED?"),
     ],
 )

@@ -15,7 +15,7 @@ from pa_ros.acting.errors import ActingError
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation, PolicySnapshot
-from pa_ros.language import MIN_MAX, Expression, Logic, Program
+from pa_ros.language import MIN_MAX, And, Expression, Logic, Not, Program
 from pa_ros.language.evaluate import relevance, role_relevance
 from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig, actor_config
@@ -175,7 +175,13 @@ class Actor:
         each are averaged, the nearest objects most.
         """
         meant = self._meant(observation)
-        to_avoid = {*meant(Program(avoided))[1]} - {*chain(*meant(program))}
+        to_avoid = {*meant(Program(avoided))[1]}
+        targets = {*chain(*_compared(observation, program, meant(program), self._world.schema))}
+        if targets & to_avoid and not targets <= to_avoid and not program.compares:
+            # Go for the targets that need not be avoided.
+            program = replace(program, target=And((program.target, Not(avoided))))
+            targets = {*chain(*meant(program))}
+        to_avoid -= targets
         distance = {i: float(np.linalg.norm(observation.objects[i, :3])) for i in sorted(to_avoid)}
         near = [i for i, metres in distance.items() if metres < AVOIDED_WITHIN_M]
         heedless = self.infer(_without(observation, to_avoid), program.relation_alone, commits=True)
@@ -184,6 +190,11 @@ class Actor:
         weight = np.exp((distances.min() - distances) / NEARNESS_M)
         return np.asarray(weight / weight.sum() @ np.stack([heedless, *actions]), np.float32)
 
+    def degrees(self, observation: Observation) -> Float32:
+        """Φ, [V, N]: the degree to which each word describes each object. Raises as `act`."""
+        arm = self._arm(observation)
+        return degrees(self.network, self._tensors, observation.objects, arm, self.logic)
+
     def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
         """p, [N]: the degree to which the program means each object.
 
@@ -191,8 +202,7 @@ class Actor:
         """
         if self._inference is None or not self._evaluates_programs:
             return ()
-        arm = self._arm(observation)
-        phi = degrees(self.network, self._tensors, observation.objects, arm, self.logic)
+        phi = self.degrees(observation)
         rows = self.network.vocabulary.row
         hand = observation.hand_index
         bodiless = self.network.vocabulary.bodiless
@@ -230,9 +240,7 @@ class Actor:
                 "they don't say which objects a program means",
                 code="networks.unsupported_program",
             )
-        phi = degrees(
-            self.network, self._tensors, observation.objects, self._arm(observation), self.logic
-        ).tolist()
+        phi = self.degrees(observation).tolist()
         vocabulary, hand = self.network.vocabulary, observation.hand_index
 
         def sets(program: Program) -> list[list[int]]:

@@ -10,6 +10,12 @@ from pa_ros.world.relation import at_stage, measured, programs_in
 
 WINDOW_S = 10.0  # simulation time that each program of a goal is given: an episode of the paper
 HOLD_S = 1.0  # simulation time for which NEAR must hold
+ENDED = {  # how an execution that failed ended → code and reason
+    "window": ("goal.time_limit", "the time limit came first"),
+    "violated": ("goal.violated", "an object to be avoided was near"),
+    "episode": ("goal.episode_ended", "the arena's episode ended"),
+    "replaced": ("goal.replaced", "another program, or another scene, took its place"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,17 +26,19 @@ class Execution:
     distance: float  # m, hand to the nearest object named, at the last step watched; inf: none
     reached_s: float | None  # simulation time from its first step to NEAR for good; None: never
     watched_s: float  # simulation time from the program's first step to the last step watched
-    ended: str  # by: "held", "window", "violated", "episode" or "replaced" (by another program)
+    ended: str  # "held", or one of ENDED
     stage: int = 0  # at the last step watched
 
     def text(self, program: str) -> str:
         """The result of a program in one line."""
-        where = f"at {measured(program, self.distance, self.stage)}"
+        where = ""
+        if self.distance != inf:
+            where = f", at {measured(program, self.distance, self.stage)}"
         if self.satisfied and self.reached_s is not None:
-            return f"satisfied after {self.reached_s:.1f} s, {where}"
+            return f"satisfied after {self.reached_s:.1f} s{where}"
         stage = at_stage(program, self.stage)
         when = f"{self.watched_s:.1f} s{', in ' if stage else ''}{stage}"
-        return f"not satisfied: {self.ended} after {when}, {where}"
+        return f"not satisfied: {ENDED[self.ended][1]}, after {when}{where}"
 
 
 def window_s(goal: str) -> float:

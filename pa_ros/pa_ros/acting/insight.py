@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from pa_ros.acting.actor import Actor
+from pa_ros.acting.errors import ActingError
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.experience import Float32, Float64, Observation, PolicySnapshot
 from pa_ros.language import (
@@ -25,14 +27,10 @@ from pa_ros.language import (
     degree,
     logic_named,
     parse_goal,
-    relevance,
     stages,
 )
 from pa_ros.networks.config import actor_config
-from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.families import family_of
-from pa_ros.networks.inference import TorchActor
-from pa_ros.networks.parameters import actor_shapes, check_tensors
 
 
 @dataclass(frozen=True)
@@ -75,28 +73,27 @@ class Insight:
         if not family_of(network).evaluates_programs:
             raise ConfigError(f"the networks {network.family!r} evaluate no programs")
         try:
-            check_tensors(snapshot.tensors, actor_shapes(network), "actor")
-        except NetworkError as error:
+            self._actor = Actor.of(snapshot, logic)
+        except ActingError as error:
             raise ConfigError(str(error)) from error
-        self._inference = TorchActor(network, snapshot.tensors, logic)
         self._world, self._version, self._logic = network.world, snapshot.version, logic
-        self._vocabulary = network.vocabulary
 
     def explain(self, observation: Observation, program: Program | None) -> Explanation:
         """Raises ProgramError if the program is of another vocabulary."""
-        phi = self._inference.properties(observation.objects, self._world.arm(observation))
-        words, row = self._vocabulary.words, self._vocabulary.row
+        phi, vocabulary = self._actor.degrees(observation), self._world.vocabulary
+        words, row = vocabulary.words, vocabulary.row
         labels = self._world.schema.labels(observation.objects, observation.hand_index)
         if program is None:
             return Explanation(self._version, labels, words, phi, np.zeros(0), ())
-        hand, bodiless = observation.hand_index, self._vocabulary.bodiless
-        p = relevance(program.relation_alone, phi.tolist(), row, hand, self._logic, bodiless)
-        values = {word: phi[row[word]].astype(np.float64) for word in program.words}
-        values[HAND.name] = (np.arange(phi.shape[1]) == hand).astype(np.float64)
+        p = np.array(self._actor.relevance(observation, program))
+        named = program.relation_alone.words
+        values = {word: phi[row[word]].astype(np.float64) for word in named}
+        hand = np.arange(phi.shape[1]) == observation.hand_index
+        values[HAND.name] = hand.astype(np.float64)
         # Nobody needs an explanation of the hand, so the tree is that of the target alone.
         sets = [program.target] if program.moves_hand else [program.moved, program.target]
         tree = tuple(node for one in sets for node in _nodes(one, values.__getitem__, self._logic))
-        return Explanation(self._version, labels, words, phi, np.array(p), tree)
+        return Explanation(self._version, labels, words, phi, p, tree)
 
 
 def agent_logic(parameters: Mapping[str, Any]) -> Logic:
@@ -121,7 +118,7 @@ def explained(
     try:
         programs = stages(parse_goal(text, vocabulary)) if text else (None,)
         return insight.explain(observation, programs[min(stage, len(programs) - 1)]), ""
-    except (PaError, RuntimeError) as error:  # torch: features of another world
+    except PaError as error:
         return None, str(error).partition("\n")[0]
 
 

@@ -33,8 +33,8 @@ class ArenaConfig(Settings):
     )
     thresholds: tuple[PositiveFloat, ...] = Field(
         (),
-        description="one for each relation of the design, in its unit (NEAR: m); empty: the "
-        "relations' own (NEAR: the paper's 0.20)",
+        description="of the hand, one for each relation of the design, in its unit (NEAR: m); "
+        "empty: the relations' own (NEAR: the paper's 0.20)",
     )
     arm_touches_blocks: bool = Field(
         True, description="whether arm and blocks touch; it always touches the table"

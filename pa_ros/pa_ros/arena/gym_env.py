@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from pa_ros.arena.conditions import condition_named
 from pa_ros.arena.config import ArenaConfig, preset_named
 from pa_ros.arena.designs import Design, design_named
 from pa_ros.arena.observations import PROGRAM_ROWS, FlatObservation, StructuredObservation
@@ -74,6 +75,11 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         if observation == "structured":
             self.structured = StructuredObservation(self.world, self.design, program_rows)
             self.observation_space = self.structured.space
+        elif (drawn := condition_named(condition, self.design)).avoided or drawn.formula:
+            raise ConfigError(
+                f"gym: condition {condition!r} of {self.design.name}: expected one that avoids "
+                "nothing, as a flat observation does not say what (observation='structured' does)"
+            )
         self.action_space = spaces.Box(-1.0, 1.0, (self.world.actions,), np.float32)
         self._limits = np.array(self.config.joint_speed_limits)
         self._task: ReachTask | None = None

@@ -53,7 +53,12 @@ class FlatObservation:
         return np.concatenate([self._world.arm(observation), slots.ravel(), self._goal(task)])
 
     def check(self, task: ReachTask) -> None:
-        """Raise ConfigError unless the stated goal and the program name the same blocks."""
+        """Raise ConfigError unless the observation states all that the program says."""
+        if task.program.avoided is not None:
+            raise ConfigError(
+                "gym: program: expected one that avoids nothing, as a flat observation does not "
+                f"say what (observation='structured' does), got {task.program}"
+            )
         for named in (task.verifier.moved, task.verifier.targets):
             words, blocks = self._words(task, named), enumerate(task.episode.blocks, start=1)
             stated = tuple(i for i, block in blocks if words <= block.kind.words)
@@ -93,6 +98,8 @@ class StructuredObservation:
       (docs/DESIGN.md, "Programs"), padded with copies of the last register.
     - `relation`: index of the relation, if the design has several.
     - `sets` int64 [2]: registers of what is moved and of the target, if programs move blocks.
+    - `avoided`: register of what is to be avoided, if the design's programs avoid anything; that of
+      HAND: nothing.
     """
 
     def __init__(self, world: World, design: Design, program_rows: int = PROGRAM_ROWS) -> None:
@@ -113,6 +120,8 @@ class StructuredObservation:
             parts["relation"] = spaces.Discrete(len(self._vocabulary.relations))
         if self._vocabulary.moves_objects:
             parts["sets"] = spaces.MultiDiscrete([registers, registers])
+        if self._vocabulary.avoids:
+            parts["avoided"] = spaces.Discrete(registers)
         self.space = spaces.Dict(parts)
 
     def __call__(self, observation: Observation, program: Program) -> dict[str, Any]:
@@ -129,6 +138,8 @@ class StructuredObservation:
         }
         if self._vocabulary.moves_objects:
             parts["sets"] = np.array([flat.moved, flat.target], np.int64)
+        if self._vocabulary.avoids:
+            parts["avoided"] = np.int64(flat.avoided)
         if "relation" in self.space.spaces:
             parts["relation"] = np.int64(self._vocabulary.relations.index(program.relation))
         return parts

@@ -11,7 +11,7 @@ from pa_ros.arena.arms import ARMS
 from pa_ros.arena.controllers import hand_controller
 from pa_ros.arena.task import ReachTask
 from pa_ros.core.experience import Float64
-from pa_ros.language.syntax import NEAR
+from pa_ros.language.syntax import NEAR, Program
 from pa_ros.world.relation import RELATIONS
 
 Policy = Callable[[ReachTask], Float64]
@@ -35,9 +35,13 @@ def nearest_target(task: ReachTask) -> Float64:
 
 
 def nearest_pair(task: ReachTask) -> tuple[int, int]:
-    """The nearest two objects of which one is to be moved, the hand for example, to the other."""
-    positions = task.simulation.positions  # [N, 3]
-    pairs = ((i, j) for i in task.verifier.moved for j in task.verifier.targets if i != j)
+    """The nearest two objects of which one is to be moved, the hand for example, to the other; if
+    possible to one that need not be avoided."""
+    positions, program = task.simulation.positions, task.program  # [N, 3]
+    targets = {*task.verifier.targets}
+    if program.avoided is not None:
+        targets = targets - {*task.verifier_of(Program(program.avoided)).targets} or targets
+    pairs = ((i, j) for i in task.verifier.moved for j in sorted(targets) if i != j)
     return min(pairs, key=lambda pair: float(np.linalg.norm(np.subtract(*positions[[*pair]]))))
 
 

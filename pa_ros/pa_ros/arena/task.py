@@ -105,8 +105,7 @@ class GoalVerifier:
         self.verifier_of = lru_cache(None)(lambda program: Verifier(program, *own))
         for program in self._watch.stages:  # raises for a wrong one now
             self.verifier_of(program)
-        self.pursued = self.verifier_of(self._watch.program)
-        """The verifier of the program that is to be pursued now."""
+        self._pursue()
 
     @property
     def goal(self) -> Goal:
@@ -125,9 +124,15 @@ class GoalVerifier:
             return known.score(objects, hand_pose)
 
         verdict = self._watch.verdict(score, self._scoring.reward, truncated)
-        if self.pursued.program is not self._watch.program:
-            self.pursued = self.verifier_of(self._watch.program)
+        if self.program is not self._watch.program:
+            self._pursue()
         return verdict
+
+    def _pursue(self) -> None:
+        self.program = self._watch.program
+        """The program that is to be pursued now."""
+        self.pursued = self.verifier_of(self.program.relation_alone)
+        """Its verifier, without what it avoids."""
 
 
 def _words(kinds: Sequence[Kind]) -> list[frozenset[str]]:
@@ -255,7 +260,7 @@ class ReachTask:
     def program(self) -> Program:
         """The program of the goal that is pursued at the current step: the goal itself, unless it
         has several."""
-        return self.verifier.program
+        return self._goal.program
 
     def step(self, joint_velocity: Float64) -> tuple[Observation, Verdict]:
         """Act for one control period with joint velocities in rad/s [J], clamped to the limits.
@@ -263,11 +268,8 @@ class ReachTask:
         Raises ArenaError: arena.command for a command of the wrong size or with non-finite numbers,
         arena.episode before the first reset and after the time limit. Then nothing moves.
         """
-        if self._step >= self._goal.steps(self.config):
-            raise ArenaError(
-                f"the episode was truncated at step {self._step}: expected a reset",
-                code="arena.episode",
-            )
+        if self._episode is None or self._step >= self._goal.steps(self.config):
+            raise ArenaError(f"step {self._step}: expected a reset before", code="arena.episode")
         command = np.asarray(joint_velocity, dtype=np.float64)
         if command.shape != self._limits.shape or not np.isfinite(command).all():
             raise ArenaError(

@@ -95,7 +95,8 @@ def require_possible(
             if not any(out):
                 code, expected = "program.names_nothing", present_objects(objects, hand_index)
             elif any(all(o for n, o in zip(named, out, strict=True) if n) for named in needed):
-                code, expected = "program.avoids_target", f"not all that {alone} needs to be near"
+                code = "program.avoids_target"
+                expected = f"a set that leaves out an object which {alone} needs near"
             else:
                 continue
             raise ProgramError(text, span, code=code, expected=expected, received=f"{expression}")

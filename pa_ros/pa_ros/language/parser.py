@@ -344,6 +344,6 @@ class _Parser:
             self._source,
             Span(start.span.start, closing.span.end),
             code="program.arity",
-            expected=f"{takes.get(name, '2 arguments')} to {name}",
+            expected=f"{takes.get(name, '2 arguments')} for {name}",
             received=str(received),
         )

@@ -67,6 +67,11 @@ class Vocabulary:
             seen.add(word)
         if unknown := set(self.bodiless) - set(self.words):
             raise ConfigError(f"vocabulary: bodiless: expected words of it, got {unknown}")
+        if self.avoids and (self.relations != (NEAR,) or self.moves_objects):
+            raise ConfigError(
+                f"vocabulary: avoids: expected the relation {NEAR} of the hand alone, got "
+                f"{self.relations}{' and objects that are moved' if self.moves_objects else ''}"
+            )
 
     @classmethod
     def of(cls, **groups: tuple[str, ...]) -> Vocabulary:
@@ -84,11 +89,6 @@ class Vocabulary:
     def avoiding(self) -> Vocabulary:
         """The same words for networks that learn to avoid a set. ConfigError unless NEAR is the
         only relation, and of the hand."""
-        if self.relations != (NEAR,) or self.moves_objects:
-            raise ConfigError(
-                f"vocabulary: avoids: expected the relation {NEAR} of the hand alone, got "
-                f"{self.relations}{' and objects that are moved' if self.moves_objects else ''}"
-            )
         return replace(self, avoids=True)
 
     def __getitem__(self, group: str) -> tuple[str, ...]:

@@ -223,7 +223,7 @@ for _name, (_where, _side) in SIDES.items():
             name=_name,
             meaning=f"{_where}, seen from the base: within {SIDE_REACH_M:g} m and 45° of that way",
             measure=partial(_share_of_sector, _side),
-            unit="of both limits",
+            unit="of the limits",
             threshold=1.0,
             goal=partial(_beside, _side),
             outline=partial(_sector, _side),
