@@ -242,10 +242,11 @@ class AgentNode(ManagedNode):
 
     def _on_diagnostics(self, message: Message) -> None:
         # A learner publishes no weights while it waits for trajectories; its diagnostics show that
-        # it is alive.
+        # it is alive. Those of other namespaces arrive, too.
         for entry in decode_diagnostics(message):
-            if LEARNER_ID in entry.values:
-                self._learners.received(entry.values[LEARNER_ID])
+            learner = entry.values.get(LEARNER_ID)
+            if self._learners.knows(learner):
+                self._learners.received(learner)
 
     def _on_weights(self, message: Message) -> None:
         digest = self.arena.world.digest if self.arena is not None else None

@@ -155,7 +155,7 @@ def test_what_is_to_be_avoided_is_observed_or_refused() -> None:
     avoided = [env.reset(seed=0, options={"program": text})[0]["avoided"] for text in texts]
     assert avoided[0] == len(env.design.vocabulary.words) != avoided[1]
     assert env.observation_space.contains(env.reset()[0])
-    with pytest.raises(ConfigError, match="condition 'train' of 3-D-avoid: expected one that avoids"):
+    with pytest.raises(ConfigError, match="of 3-D-avoid: expected one that avoids nothing"):
         ReachEnv(design="3-D-avoid")
     flat = ReachEnv(design="3-D")
     flat.reset(seed=0)

@@ -77,6 +77,11 @@ def test_an_option_that_contradicts_the_recording_is_rejected(
     assert not (tmp_path / "out").exists()
 
 
+def test_an_option_that_would_not_count_is_rejected(recorded, tmp_path, capsys):
+    assert learn(tmp_path / "out", recorded / "bag", "--frames=7", "--eval-every=5") == 2
+    assert "expected no evaluate_every_frames, frames: all that was" in capsys.readouterr().err
+
+
 def altered(field: str, sequence: int, index: int, change):
     """Changes one number of one trajectory."""
 

@@ -158,6 +158,21 @@ def test_the_newest_weights_of_a_learner_are_shown_and_the_first_of_another() ->
     assert receive(published(1, learner=other)) is not first
 
 
+def test_the_weights_of_a_fleets_agent_come_from_its_learners_namespace() -> None:
+    callbacks: dict[str, Any] = {}
+    node = Mock()
+    node.create_subscription = lambda _, name, callback, *rest, **more: callbacks.update(
+        {name: callback}
+    )
+    weights = AgentWeights(node, "arena1", Refusals(print))
+    parameters = {"weights": "topic", "checkpoint": "", "learner": "/"}
+    origin = Origin("/arena1/agent_node", "a", "1", "{}", 0, parameters)
+    callbacks[f"/arena1/{PROVENANCE.name}"](encode_provenance(origin))
+    weights.refresh()
+    callbacks[f"/{POLICY_WEIGHTS.name}"](encode_weights(published(3)))
+    assert weights.insight is not None
+
+
 def test_html_is_shown_as_text():
     history = History()
     history.add("id", HTML)

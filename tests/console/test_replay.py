@@ -73,6 +73,14 @@ def test_a_bag_without_an_arena_is_rejected(recorded, tmp_path):
         Replay(bag)
 
 
+def test_a_fleets_learner_is_found_outside_the_arenas_namespace(recorded, tmp_path):
+    def rename(name: str) -> str:
+        return name if name == "/policy_weights" else f"/arena1{name}"
+
+    with Bag(rewritten(recorded, tmp_path / "bag", lambda _, m: [m], rename)) as bag:
+        assert Replay(bag, "arena1").moment(0, 3).explanation is not None
+
+
 def test_a_bag_without_weights_is_shown_without_explanation(recorded, tmp_path):
     copy = without("policy_weights", recorded, tmp_path)
     with Bag(copy) as bag:

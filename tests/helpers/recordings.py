@@ -149,16 +149,22 @@ def train(out: Path, *arguments: str | Path, frames: int = 500) -> int:
     return main(["train", "--out", str(out), *fixed, *options, *map(str, arguments)])
 
 
-def rewritten(bag: Path, copy: Path, change: Callable[[str, Any], list[Any]]) -> Path:
-    """A copy of a bag, each message replaced by those that `change(topic, message)` returns."""
+def rewritten(
+    bag: Path,
+    copy: Path,
+    change: Callable[[str, Any], list[Any]],
+    rename: Callable[[str], str] = lambda name: name,
+) -> Path:
+    """A copy of a bag, each message replaced by those that `change(topic, message)` returns, and
+    each topic renamed."""
     store = installed_types()
     with Bag(bag) as source, BagWriter(copy) as target:
         for name, type_name in source.types.items():
-            target.add(topic(store, name, type_name, source.qos(name)))
+            target.add(topic(store, rename(name), type_name, source.qos(name)))
         for recorded in source.messages():
             for message in change(recorded.topic, source.deserialize(recorded)):
                 payload = bytes(store.serialize_cdr(message, recorded.type_name))
-                target.write(recorded.topic, payload, recorded.stamp_ns)
+                target.write(rename(recorded.topic), payload, recorded.stamp_ns)
     return copy
 
 

@@ -14,6 +14,7 @@ from pa_ros.arena.camera import Camera, intrinsics, optical_pose
 from pa_ros.core.extensions import load
 from pa_ros.language import parse
 from pa_ros.learning.checkpoints import load_policy
+from pa_ros.tools.scenes import Scene
 from pa_ros.wire.program import ProgramRequest
 from pa_ros.world.poses import in_base, in_hand
 from sim_node.robot.arm import RealArm
@@ -95,6 +96,8 @@ def test_joints_are_resampled_in_the_agents_signs():
         assert history.at(stamp).position.tolist() == [1.0, -0.5], "the newest"
     assert history.to_driver(np.array([1.0, 1.0])).tolist() == [1.0, -1.0]
     assert history.driver_position.tolist() == [1.0, 1.0]
+    history.add(np.array([2.0, 2.0]), np.zeros(2), 3, 3.0)  # the driver was restarted
+    assert history.at(15).position.tolist() == [2.0, -1.5]
     assert refused(JointHistory(JOINTS).at, 0)[0] == "robot.joints"
     unstamped = refused(history.add, np.zeros(2), np.zeros(2), 0, 3.0)
     assert unstamped[0] == "robot.joints" and "header.stamp" in unstamped[1]
@@ -142,6 +145,11 @@ def test_the_hand_stays_in_the_box_whatever_is_commanded():
         hand = table.plant.hand_pose[:3]
         assert np.all(hand > low - 0.01) and np.all(hand < high + 0.01)
     assert max(speeds) > 0.1, "it did move"
+
+
+def test_tools_draw_a_real_arms_table():
+    table = Rehearsal()
+    assert Scene(table.arm.about, table.observe()).picture(64).shape == (64, 64, 3)
 
 
 def test_the_speed_scale_slows_the_arm():

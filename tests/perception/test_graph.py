@@ -147,6 +147,14 @@ def test_the_console_shows_what_an_arena_sees(recorded: Path) -> None:
         left, top, right, bottom = task.sight.tracker.tracks[0].looks[0].box
         assert boxes[top, left : right + 1].all() and boxes.mean() < 0.2
 
+        def shift(number: int, arm: Any) -> None:
+            x, y, _ = arm.scene().places[number]
+            arm.move(number, x + 0.03, y)
+
+        for number in range(2):  # another block would not fit there
+            console.ask("move", partial(shift, number))
+            assert probe.until(lambda: "move: done" in console.asked), console.asked
+
 
 class Relay:
     """Passes the arena's pictures on to camera_node, until it is told to stop."""

@@ -103,6 +103,11 @@ def test_data_without_a_description_are_reported_unless_that_arrives_soon(peers,
     assert "nobody never described itself" in peers.fault
 
 
+def test_a_peer_is_known_once_it_described_itself(peers):
+    peers.described("another", "later")
+    assert peers.knows("one") and peers.knows("another") and not peers.knows("nobody")
+
+
 def test_memory_of_peers_is_bounded(peers):
     for number in range(10 * REMEMBERED):
         peers.described(f"{number}", str(number))

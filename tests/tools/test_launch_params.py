@@ -21,6 +21,7 @@ from pa_ros.tools.launch_params import (
     new_folder,
     packaged,
     packaged_names,
+    seeing,
     write_parameters,
 )
 
@@ -117,6 +118,22 @@ def test_one_arena_becomes_many(tmp_path):
 def test_no_arenas_and_too_many_are_refused(arenas):
     with pytest.raises(ConfigError, match=f"expected 1 to 64, got {arenas}"):
         fleet(load_parameters(packaged("train_2l")), arenas)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            lambda p: in_step(p, "exact"),
+            "--in-step: expected a parameters file with a learner_node",
+        ),
+        (lambda p: seeing(p, "corner"), "--perception corner: expected camera, as the agent of"),
+        (lambda p: fleet(merged(p, {"sim_node": {"seed": "3"}}), 2), "seed: expected an integer"),
+    ],
+)
+def test_what_would_not_count_is_refused(change, said):
+    with pytest.raises(ConfigError, match=said):
+        change(load_parameters(packaged("execute_3d")))
 
 
 def test_a_packaged_file_is_chosen_by_name_and_any_other_by_its_path(tmp_path):

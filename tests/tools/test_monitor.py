@@ -1,12 +1,19 @@
 """The table shows what the nodes report, and no row for what nobody reports."""
 
 import io
+from unittest.mock import Mock
 
 import pytest
 
 from helpers.waiting import Clock
-from pa_ros.tools.monitor import LINE_PERIOD_S, STALE_S, Display, GraphFigures
-from pa_ros.wire.diagnostics import Health
+from pa_ros.tools.monitor import (
+    LINE_PERIOD_S,
+    STALE_S,
+    Display,
+    GraphFigures,
+    watch_diagnostics,
+)
+from pa_ros.wire.diagnostics import Health, encode_diagnostics
 
 
 def filled(clock=None) -> GraphFigures:
@@ -108,3 +115,15 @@ def test_numbers_that_are_not_finite_are_ignored(number):
     rows = dict(figures.rows())
     assert rows["mean Q"] == "-4.5000"
     assert rows["refused messages"] == "wire.size 3"
+
+
+def test_nodes_of_other_namespaces_are_left_out() -> None:
+    node, figures, heard = Mock(), GraphFigures(), []
+    node.get_namespace.return_value = "/left"
+    node.create_subscription = lambda _, name, callback, *rest: heard.append(callback)
+    watch_diagnostics(node, figures)
+    for where, frames in (("/left", "1000"), ("/right", "90000")):
+        heard[0](
+            encode_diagnostics([Health(f"{where}/learner_node", values={"frames": frames})], 0)
+        )
+    assert figures.value("learner_node", "frames") == 1000

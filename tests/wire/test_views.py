@@ -38,8 +38,11 @@ def test_impossible_poses_are_rejected(index, value, code):
         decode_tracked(posed(pose), "cup")
 
 
-@pytest.mark.parametrize("number", [-1, 2, 2**31 - 1])
-def test_a_marker_that_is_no_block_gets_no_outline(number):
-    markers = MarkerArray(markers=[Marker(ns="blocks", id=n) for n in (number, 1)])
-    outlined = encode_outlines(markers, [1.0, 0.5])
+def test_a_block_gets_the_p_of_the_object_that_is_seen_where_it_is():
+    """Its number does not say which: a camera sees blocks in an order of its own."""
+    markers = MarkerArray(markers=[Marker(ns="blocks", id=n) for n in (0, 2**31 - 1)])
+    markers.markers[0].pose.position.x = 0.5
+    places = np.array([[np.inf] * 3, [0.0, 0.01, 0.0], [0.49, 0.0, 0.0]])
+    outlined = encode_outlines(markers, places, [1.0, 0.5, 0.0])
     assert [marker.color.a for marker in outlined.markers] == [0.0, 0.25]
+    assert encode_outlines(MarkerArray(), places, [1.0, 0.5, 0.0]) is None

@@ -83,7 +83,7 @@ def _counts(bag: Bag, key: str) -> dict[str, object]:
 
 
 def _learning(bag: Bag, namespace: str | None) -> list[str]:
-    if TRAJECTORIES not in bag.types.values():
+    if not bag.topics_of(TRAJECTORIES, namespace):
         return []
     experience = Experience(bag, namespace)
     lines = []

@@ -36,6 +36,9 @@ def run(options: argparse.Namespace) -> int:
     """Learn from the bags in order, with the settings of the first, and save a checkpoint."""
     if options.resume or options.record:
         raise ConfigError("--from-bag: cannot be used with --resume or --record")
+    if unused := {*asked(options, TrainConfig)} - {"seed", "out"}:
+        raise ConfigError(f"--from-bag: expected no {', '.join(sorted(unused))}: all that was "
+                          "recorded is learned from, without evaluation")  # fmt: skip
     with ExitStack() as stack:
         opened = [stack.enter_context(Bag(path)) for path in options.from_bag]
         bags = [Experience(bag, options.namespace) for bag in opened]

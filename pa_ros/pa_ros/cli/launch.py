@@ -48,8 +48,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--perception", choices=VIEWS,
-        help="blocks are seen, by a camera above or in a corner for agents that learn, and by the "
-        "camera of an agent's checkpoint, for shipped:3-D that of shipped:camera",
+        help="let the arena see its blocks through cameras. Agents that learn get a new one, above "
+        "the table (camera), in a corner, or both; an agent of a checkpoint uses its own, and "
+        "shipped:camera takes the place of shipped:3-D",
     )  # fmt: skip
     parser.add_argument("--namespace", default="", help="for all nodes (default: none)")
     parser.add_argument(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from functools import partial
 
-from pa_ros.core.errors import ConfigError
+from pa_ros.core.errors import needs_extra
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,14 +19,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Serve until standard input is closed."""
-    try:
+    with needs_extra("mcp", "mcp"):
         from pa_ros.tools.assistants import Table, make_server
-    except ImportError as error:
-        if (error.name or "").split(".")[0] not in ("mcp", "anyio"):
-            raise
-        raise ConfigError(
-            f'mcp: expected the extra mcp (pip install "programmable-agents[mcp]"), got: {error}'
-        ) from error
     from pa_ros.tools.arm import Arm
 
     table = Table(partial(Arm, options.namespace))

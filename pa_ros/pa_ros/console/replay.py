@@ -40,10 +40,11 @@ class Replay:
         if not self.episodes:
             raise ProvenanceError(f"bag: {bag.path}: expected control steps, got none")
         self._stamps: dict[int, int] = {}  # when each version of the weights was recorded
-        if WEIGHTS in bag.types.values():
-            for recorded in bag.messages([bag.topic_of(WEIGHTS, namespace)]):
-                version = decode_weights(bag.deserialize(recorded)).snapshot.version
-                self._stamps[version] = recorded.stamp_ns
+        # A fleet's learner is not in the namespace of an arena.
+        self._weights = bag.topics_of(WEIGHTS, namespace) or bag.topics_of(WEIGHTS)
+        for recorded in bag.messages(self._weights):
+            version = decode_weights(bag.deserialize(recorded)).snapshot.version
+            self._stamps[version] = recorded.stamp_ns
         # Dragging the slider stays within a few versions, and loading one takes long.
         self._insight = lru_cache(maxsize=8)(self._load)
 
@@ -75,8 +76,7 @@ class Replay:
 
     def _recorded(self, version: int) -> Any:
         stamp_ns = self._stamps[version]
-        topic = self._bag.topic_of(WEIGHTS, self._namespace)
-        (recorded,) = self._bag.messages([topic], stamp_ns, stamp_ns + 1)
+        (recorded,) = self._bag.messages(self._weights, stamp_ns, stamp_ns + 1)
         return decode_weights(self._bag.deserialize(recorded)).snapshot
 
     def _agent(self) -> Mapping[str, Any]:

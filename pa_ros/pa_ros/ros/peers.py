@@ -69,6 +69,10 @@ class PeerMonitor(Generic[Info]):
             _remember(self._others, peer, info)
             self._consider(peer)
 
+    def knows(self, peer: Hashable) -> bool:
+        """Whether a peer described itself."""
+        return peer == self._followed or peer in self._others
+
     def received(self, peer: Hashable, info: Info | None = None) -> bool:
         """Take note that data of a peer arrived; whether it is the followed one.
 

@@ -288,7 +288,11 @@ class Arm:
 
     def move(self, block: int, x: float, y: float) -> None:
         """Put a block, by its number in `scene().blocks`, somewhere on the table (m)."""
-        self.graph.services.move(block, x, y)
+        places = self.scene().places
+        if not 0 <= block < len(places):
+            text = f"move: expected one of {len(places)} blocks, got number {block}"
+            raise PaError(text, code="arena.service")
+        self.graph.services.move(places[block], x, y)
 
     def close(self) -> None:
         """Cancel the goal, leave the graph, and end what `simulated` started."""

@@ -12,12 +12,12 @@ import numpy as np
 from rclpy.node import Node
 
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Body
+from pa_ros.core.experience import Body, Float64
 from pa_ros.ros.environment import check_namespace, prepare_environment, start_ros
 from pa_ros.ros.executor import release, spin_until
 from pa_ros.ros.topics import (
     ARENA_INFO,
-    GET_ENTITIES,
+    GET_ENTITIES_STATES,
     RESET,
     SET_ENTITY_STATE,
     SET_SIMULATION_STATE,
@@ -26,14 +26,14 @@ from pa_ros.ros.topics import (
 from pa_ros.wire.services import Outcome, ResetRequest, decode_outcome, encode_reset, encode_speed
 from pa_ros.wire.simulator import (
     SimState,
-    decode_names,
+    decode_places,
     encode_state_change,
     encode_state_request,
 )
 
 __all__ = ["ArenaClient", "NoAnswerError", "Node", "client_node"]
 
-SERVICES = RESET, SET_SIMULATION_STATE, SPEED, GET_ENTITIES, SET_ENTITY_STATE
+SERVICES = RESET, SET_SIMULATION_STATE, SPEED, GET_ENTITIES_STATES, SET_ENTITY_STATE
 Spin = Callable[[Callable[[], bool], float], bool]
 """Spins until a condition is true or a time in seconds is over; whether it became true."""
 
@@ -111,15 +111,17 @@ class ArenaClient:
         """Change the speed, times real time. Raises NoAnswerError, PaError if rejected."""
         self._call(SPEED[0], encode_speed(times))
 
-    def move(self, block: int, x: float, y: float) -> None:
-        """Put a block, by its number, somewhere on the table (m). Raises NoAnswerError, PaError if
-        rejected."""
-        names = decode_names(self._answer(GET_ENTITIES[0], GET_ENTITIES[1].Request()))
-        if not 0 <= block < len(names) - 1:  # the first is the hand
-            text = f"move: expected one of {len(names) - 1} blocks, got number {block}"
-            raise PaError(text, code="arena.service")
+    def move(self, block: Float64, x: float, y: float) -> None:
+        """Put the block that is at a place ([3], m) elsewhere on the table (m). Cameras number
+        blocks in another order than the arena, so its place says which is meant.
+
+        Raises NoAnswerError, PaError if rejected.
+        """
+        name, states = GET_ENTITIES_STATES
+        names, positions = decode_places(self._answer(name, states.Request()))
+        nearest = 1 + int(np.linalg.norm(positions[1:] - block, axis=1).argmin())  # not the hand
         place = Body.at_rest(np.array([x, y, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
-        request = encode_state_change(names[block + 1], place)
+        request = encode_state_change(names[nearest], place)
         self._call(SET_ENTITY_STATE[0], request)
 
     def _answer(self, name: str, request: Any) -> Any:

@@ -92,7 +92,10 @@ def fleet(parameters: Parameters, arenas: int) -> Parameters:
     for number in range(arenas):
         for name in ("sim_node", "agent_node"):
             if name in parameters:
-                seed = parameters[name].get("seed", 0) + number
+                seed = parameters[name].get("seed", 0)
+                if not isinstance(seed, int):
+                    raise ConfigError(f"{name}: seed: expected an integer, got {seed!r}")
+                seed += number
                 spread[f"arena{number + 1}/{name}"] = parameters[name] | {"seed": seed}
     if "learner_node" in parameters:
         spread["learner_node"] = parameters["learner_node"]
@@ -126,16 +129,29 @@ def in_step(parameters: Parameters, way: str) -> Parameters:
 
     Raises ConfigError without a learner.
     """
+    if "learner_node" not in parameters:
+        raise ConfigError(
+            "--in-step: expected a parameters file with a learner_node (such as train_2l), got "
+            f"{', '.join(parameters)}"
+        )
     return merged(parameters, {"learner_node": {"learner.schedule.in_step": way}})
 
 
 def seeing(parameters: Parameters, view: str) -> Parameters:
-    """Let every arena see its blocks through the camera of its agent's checkpoint, or a new one."""
+    """Let every arena see its blocks through the camera of its agent's checkpoint, or a new one.
+
+    Raises ConfigError for a view beside a checkpoint.
+    """
     changes = {}
     for place in parameters:
         if _last(place) == "sim_node":
             agent = place.replace("sim_node", "agent_node")
             checkpoint = parameters.get(agent, {}).get("checkpoint", "")
+            if checkpoint and view != "camera":
+                raise ConfigError(
+                    f"--perception {view}: expected camera, as the agent of {checkpoint} sees "
+                    "through its own"
+                )
             changes[place] = {"perception": SIGHTED.get(checkpoint, checkpoint) or view}
             if checkpoint in SIGHTED:
                 changes[agent] = {"checkpoint": SIGHTED[checkpoint]}

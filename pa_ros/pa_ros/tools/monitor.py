@@ -22,6 +22,7 @@ from rich.text import Text
 from pa_ros.core.text import printable, renewable
 from pa_ros.ros.health import LIFECYCLE
 from pa_ros.ros.topics import DIAGNOSTICS
+from pa_ros.wire import Message
 from pa_ros.wire.diagnostics import Health, decode_diagnostics
 
 REFRESH_S = 0.5  # of the table
@@ -152,8 +153,14 @@ def _namespace(node: str) -> str:
 
 
 def watch_diagnostics(node: Node, figures: GraphFigures) -> None:
-    """Fill figures from /diagnostics for as long as the node exists."""
-    DIAGNOSTICS.subscribe(node, lambda message: figures.take(decode_diagnostics(message)))
+    """Fill figures from /diagnostics for as long as the node exists: of nodes in its namespace and
+    below."""
+    below = node.get_namespace().rstrip("/") + "/"
+
+    def take(message: Message) -> None:
+        figures.take(one for one in decode_diagnostics(message) if one.name.startswith(below))
+
+    DIAGNOSTICS.subscribe(node, take)
 
 
 class Display:

@@ -9,11 +9,12 @@ from itertools import pairwise
 from math import inf, isfinite
 from typing import Any
 
+import numpy as np
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Step
+from pa_ros.core.experience import Float64, Step
 from pa_ros.core.text import printable
 from pa_ros.language import parse, require_target
 from pa_ros.ros.executor import steady_timer
@@ -23,6 +24,7 @@ from pa_ros.tools.monitor import GraphFigures
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, decode_arena_info
 from pa_ros.wire.step import decode_step
+from pa_ros.world.poses import POSE_WIDTH, in_base
 from pa_ros.world.relation import at_stage, measured
 
 MAX_SUGGESTIONS = 12
@@ -42,6 +44,13 @@ class Scene:
         seen = self.step.observation
         hand, names = seen.hand_index, self.arena.world.schema.labels(seen.objects, seen.hand_index)
         return (*names[:hand], *names[hand + 1 :])
+
+    @property
+    def places(self) -> Float64:
+        """Where the blocks are, [N - 1, 3] m in the base's frame."""
+        seen = self.step.observation
+        others = np.delete(seen.objects, seen.hand_index, axis=0)
+        return in_base(seen.hand_pose, others[:, :POSE_WIDTH].astype(np.float64))[:, :3]
 
     @property
     def episode(self) -> int:

@@ -28,6 +28,7 @@ from pa_ros.wire.program import (
 )
 from pa_ros.wire.step import decode_step
 
+FOREVER_S = 1e9
 RESEND_S = 1.0
 SETTLE_S = 1.0  # until nodes on one machine have found each other
 
@@ -61,6 +62,7 @@ class ProgramSender:
         self.answers = Answers()  # to the program sent last
         self._watch = ExecutionWatch("")
         self._execution: Execution | None = None
+        self._stepped_ns, self._stepped_at = -1, self._since  # of the newest step under the program
         self._publisher = PROGRAM.publisher(node)
         self._message: Message | None = None  # the program sent last
         self._sent_at = self._since
@@ -103,12 +105,18 @@ class ProgramSender:
             raise NoAnswerError(f"no answer within {timeout_s:g} s from {missing}{hint}")
         return self.answers
 
-    def wait(self, timeout_s: float) -> Execution:
-        """Wait for the outcome of the program sent last. Raises NoAnswerError."""
-        if not self._spin(lambda: self._execution is not None, timeout_s):
-            begun = "it is still being executed" if self._watch.begun else "no step of it arrived"
-            raise NoAnswerError(f"{begun} after {timeout_s:g} s")
-        assert self._execution is not None
+    def wait(self, patience_s: float) -> Execution:
+        """Wait for the outcome of the program sent last. Raises NoAnswerError if the arena takes no
+        step under it for so long."""
+        self._stepped_at = time.monotonic()
+
+        def over() -> bool:
+            silent_s = time.monotonic() - self._stepped_at
+            return self._execution is not None or silent_s > patience_s
+
+        self._spin(over, FOREVER_S)
+        if self._execution is None:
+            raise NoAnswerError(f"no step under the program arrived within {patience_s:g} s")
         return self._execution
 
     def _publish(self) -> None:
@@ -143,4 +151,7 @@ class ProgramSender:
 
     def _on_step(self, message: Message) -> None:
         if self._execution is None:
-            self._execution = self._watch.observe(decode_step(message))
+            step = decode_step(message)
+            self._execution = self._watch.observe(step)
+            if self._watch.begun and step.observation.stamp_ns > self._stepped_ns:
+                self._stepped_ns, self._stepped_at = step.observation.stamp_ns, time.monotonic()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import posixpath
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -35,7 +36,7 @@ class AgentWeights:
         self.why = ""  # why there is no insight
         self._insight: Insight | None = None
         self._unread: Path | PolicySnapshot | None = None  # weights newer than the insight's
-        self._topic = POLICY_WEIGHTS.within(f"/{namespace}")
+        self._namespace, self._topic = f"/{namespace}", POLICY_WEIGHTS.within(f"/{namespace}")
         self._newest = ("", -1)  # learner and version
         self._parameters: Mapping[str, Any] = {}  # of the agent
         self._reader: Any = None
@@ -97,6 +98,9 @@ class AgentWeights:
         if "checkpoint" not in parameters:
             return  # of another node
         self._parameters = parameters
+        # A fleet's learner is not in the namespace of an arena.
+        learner = str(parameters.get("learner", ""))
+        self._topic = POLICY_WEIGHTS.within(posixpath.join(self._namespace, learner))
         if parameters.get("weights") == "checkpoint":
             self._unread = Path(str(parameters["checkpoint"]))
         elif parameters.get("weights") == "random":

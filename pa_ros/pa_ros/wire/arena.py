@@ -80,6 +80,8 @@ def describe_robot(
     world: World,
     speed_limits: Mapping[str, float],
     control_period_s: float,
+    design: str = "",
+    preset: str = "",
     arm: str = "",
     limits: Sequence[tuple[float, float]] = (),
 ) -> ArenaDescription:
@@ -87,14 +89,15 @@ def describe_robot(
 
     :param world: the agent's world; agents of another world reject the robot.
     :param speed_limits: rad/s by joint, reached at action 1; their order is the joints' order.
+    :param design: by its name and those of preset and arm, tools draw the table.
     :param limits: lower and upper joint position, rad, one pair per joint; empty: no limits.
     """
     lower, upper = zip(*(limits or [(-inf, inf)] * len(speed_limits)), strict=True)
     return ArenaDescription(
         mode=Mode.REAL_TIME,
-        design="robot",
+        design=design,
         arm=arm,
-        preset="robot",
+        preset=preset,
         seed=0,
         block_count=0,
         world=world,

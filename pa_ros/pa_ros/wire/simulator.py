@@ -183,9 +183,10 @@ def encode_steps_result(code: int, message: str = "") -> action.SimulateSteps.Re
     return encode_result(action.SimulateSteps.Result(), code, message)
 
 
-def decode_names(response: Any) -> list[str]:
-    """Return the names of the entities, the hand first."""
-    return [str(name) for name in response.entities]
+def decode_places(response: Any) -> tuple[list[str], Float64]:
+    """Return the names of the entities, the hand first, and where they are, [N, 3] m."""
+    positions = [read_vector(state.pose.position) for state in response.states]
+    return [str(name) for name in response.entities], np.array(positions).reshape(-1, 3)
 
 
 # Requests

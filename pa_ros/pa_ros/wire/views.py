@@ -87,16 +87,19 @@ def encode_markers(solids: Sequence[Solid], stamp_ns: int, shown: int = 0) -> Ma
     return MarkerArray(markers=markers)
 
 
-def encode_outlines(markers: MarkerArray, relevance: Sequence[float]) -> MarkerArray | None:
+def encode_outlines(
+    markers: MarkerArray, places: Float64, relevance: Sequence[float]
+) -> MarkerArray | None:
     """Return a shell around each block of an arena's markers, as opaque as p; None without blocks.
 
-    :param relevance: p of each block, in the order of the observation's rows.
+    :param places: where the observed objects are, [N, 3] m. A camera sees them in another order.
+    :param relevance: p of each of them.
     """
     blocks = [marker for marker in markers.markers if marker.ns == "blocks"]
     for marker in blocks:
         marker.ns = "relevance"
-        # Another publisher's markers may have any id.
-        p = relevance[marker.id] if 0 <= marker.id < len(relevance) else 0.0
+        distances = np.linalg.norm(places - read_vector(marker.pose.position), axis=1)
+        p = relevance[distances.argmin()] if len(relevance) else 0.0
         for name in "xyz":
             setattr(marker.scale, name, getattr(marker.scale, name) * SHELL)
         _color(marker, (1.0, 1.0, 1.0, 0.5 * p))

@@ -63,7 +63,9 @@ class RealArm:
             world_of(config, self._design),
             dict(zip(self.joints.names, speeds.tolist(), strict=True)),
             config.control_period_s,
-            arm=settings.arm,
+            self._design.name,
+            config.preset,
+            settings.arm,
             limits=limits,
         )
 

@@ -37,18 +37,19 @@ class JointHistory:
         self.driver_position = np.zeros(len(joints))  # [J] rad, the newest as the driver sent it
 
     def add(self, position: Float64, velocity: Float64, stamp_ns: int, arrived_s: float) -> None:
-        """Keep a state of the driver's joints in the order of `names`.
+        """Keep a state of the driver's joints in the order of `names`, unless it is the one before.
 
-        A state that is no later than the one before is ignored: it is the same measurement.
         Raises ArenaError (`robot.joints`) if it has no time.
         """
-        if self._kept and stamp_ns <= self._kept[-1].stamp_ns:
-            if not stamp_ns:
-                raise ArenaError(
-                    "joint_states: expected the time of measurement in header.stamp, got 0",
-                    code="robot.joints",
-                )
+        if not stamp_ns and self._kept:
+            raise ArenaError(
+                "joint_states: expected the time of measurement in header.stamp, got 0",
+                code="robot.joints",
+            )
+        if self._kept and stamp_ns == self._kept[-1].stamp_ns:
             return
+        if self._kept and stamp_ns < self._kept[-1].stamp_ns:
+            self._kept.clear()  # the driver was restarted, or its clock was set back
         self.driver_position = position
         here = self._signs * position + self._offsets
         self._kept.append(JointSample(here, self._signs * velocity, stamp_ns, arrived_s))
