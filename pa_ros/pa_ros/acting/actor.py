@@ -34,7 +34,8 @@ if TYPE_CHECKING:  # it loads torch, which the fused code does not need
 # one of them, the share is greater, since undecided words give about half a degree.
 MEANT, SURELY = 0.5, 0.75
 # Shares of a relation's threshold: pushing stops at the first, and is slowed up to the second.
-STOPPED, FULL_SPEED = 0.6, 1.2
+# Actions that are joint velocities can move the hand faster, so they are slowed earlier.
+SLOWED, JOINTS_SLOWED = (0.6, 1.2), (0.0, 3.0)
 AVOIDED_WITHIN_M = 0.40  # of the hand: what is farther away is not avoided
 # At this distance from the hand, an object to be avoided counts as much as the goal; nearer by the
 # second length, it counts e times as much.
@@ -167,7 +168,8 @@ class Actor:
         seen, pose = observation.objects, observation.hand_pose
         measure = self._scoring.of_targets(targets, seen, relation, pose, moved).measure
         part = measure / self._scoring.threshold(relation, between=True)
-        return np.float32(np.clip((part - STOPPED) / (FULL_SPEED - STOPPED), 0.0, 1.0))
+        stopped, full = SLOWED if self._world.controller else JOINTS_SLOWED
+        return np.float32(np.clip((part - stopped) / (full - stopped), 0.0, 1.0))
 
     def _avoid(self, observation: Observation, program: Program, avoided: Expression) -> Float32:
         """The action of an agent that commits. Networks learn to avoid one object, and keep farther

@@ -17,6 +17,7 @@ NEVER = -1.0  # time_to_reach_s of a goal that was not reached
 LONGEST_S = 1e9
 # Fields that are alike in the message and in the record.
 SAME_OF_STATUS = ("program_id", "node", "canonical", "code", "reason", "position")
+SAME_OF_FEEDBACK = ("distance", "satisfied", "policy_version", "stage", "stages")
 SAME_OF_RESULT = ("success", "final_distance", "code", "reason", "position")
 
 
@@ -134,15 +135,12 @@ def decode_goal(message: action.ExecuteProgram.Goal) -> ProgramGoal:
 
 def encode_goal_feedback(progress: GoalProgress) -> action.ExecuteProgram.Feedback:
     """Return the current state of a goal's execution."""
-    return action.ExecuteProgram.Feedback(
-        distance=progress.distance,
-        satisfied=progress.satisfied,
+    message = action.ExecuteProgram.Feedback(
         objects=list(progress.objects),
         relevance=float32_field(np.array(progress.relevance, np.float32)),
-        policy_version=progress.policy_version,
-        stage=progress.stage,
-        stages=progress.stages,
     )
+    copy_fields(message, progress, SAME_OF_FEEDBACK)
+    return message
 
 
 def decode_goal_feedback(message: Any) -> GoalProgress:
@@ -152,13 +150,9 @@ def decode_goal_feedback(message: Any) -> GoalProgress:
     """
     feedback = message.feedback
     return GoalProgress(
-        feedback.distance,
-        feedback.satisfied,
-        tuple(feedback.objects),
-        tuple(feedback.relevance),
-        feedback.policy_version,
-        feedback.stage,
-        feedback.stages,
+        objects=tuple(feedback.objects),
+        relevance=tuple(feedback.relevance),
+        **fields_of(feedback, SAME_OF_FEEDBACK),
     )
 
 

@@ -98,14 +98,13 @@ class ProgramTable:
 
 
 def crisp(arrays: Arrays, truth: ArrayLike, hand_index: int) -> NDArray[np.bool_]:
-    """Objects that each program names: the targets of the verifier.
+    """Objects that each program names, [P, N]: the targets of the verifier.
 
-    `truth` is [V, N] or [B, V, N], true properties as bool or 0 and 1; the rows of spare words are
-    zero. Returns [P, N] or [B, P, N]; False for the hand, even under NOT(RED).
+    `truth` [V, N] are the true properties as bool or 0 and 1; the rows of spare words are zero. The
+    hand is not named, even under NOT(RED).
     """
-    named = _registers(arrays, truth, hand_index)[:, -1].copy()  # [P, B, N]
-    named = named.swapaxes(0, 1) if named.ndim == 3 else named
-    named[..., hand_index] = False
+    named = _registers(arrays, truth, hand_index)[:, -1].copy()
+    named[:, hand_index] = False
     return named
 
 
@@ -114,27 +113,25 @@ def crisp_roles(
 ) -> NDArray[np.bool_]:
     """Objects of each program's two sets, what is moved and the target (`language.roles`).
 
-    `roles` [P, 2] are the table's. Returns [P, 2, N] or [B, P, 2, N].
+    `roles` [P, 2] are the table's. Returns [P, 2, N].
     """
     registers = _registers(arrays, truth, hand_index)
-    named = registers[np.arange(len(roles))[:, None], roles]  # [P, 2, B, N]
-    named[..., hand_index] = (roles == np.shape(truth)[-2]).reshape(
-        *roles.shape, *[1] * (named.ndim - 3)
-    )
-    return named.transpose(2, 0, 1, 3) if named.ndim == 4 else named
+    named = registers[np.arange(len(roles))[:, None], roles]
+    named[..., hand_index] = roles == len(np.asarray(truth))
+    return named
 
 
 def _registers(arrays: Arrays, truth: ArrayLike, hand_index: int) -> NDArray[np.bool_]:
-    """All registers of each program, [P, V + 1 + L, N] or [P, V + 1 + L, B, N]."""
+    """All registers of each program, [P, V + 1 + L, N]."""
     op, a, b = arrays
-    rows = np.moveaxis(np.asarray(truth) > 0.5, -2, 0)  # [V, B, N]
-    words, (programs, length) = len(rows), op.shape
-    registers = np.zeros((programs, words + 1 + length, *rows.shape[1:]), dtype=bool)
+    rows = np.asarray(truth) > 0.5
+    (words, objects), (programs, length) = rows.shape, op.shape
+    registers = np.zeros((programs, words + 1 + length, objects), dtype=bool)
     registers[:, :words] = rows
-    registers[:, words, ..., hand_index] = True
+    registers[:, words, hand_index] = True
     every = np.arange(programs)
     for k in range(length):
-        x, y = registers[every, a[:, k]], registers[every, b[:, k]]  # [P, B, N]
-        operation = op[:, k].reshape(-1, *[1] * (x.ndim - 1))
-        registers[:, words + 1 + k] = _TRUTH[operation, x.astype(np.intp), y.astype(np.intp)]
+        x, y = registers[every, a[:, k]], registers[every, b[:, k]]  # [P, N]
+        truths = _TRUTH[op[:, k, None], x.astype(np.intp), y.astype(np.intp)]
+        registers[:, words + 1 + k] = truths
     return registers
