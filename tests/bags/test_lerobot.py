@@ -88,17 +88,17 @@ def test_films_have_a_picture_for_each_frame(dataset):
         np.testing.assert_allclose(times, np.arange(row["length"]) / 10)
 
 
-def test_episodes_with_missing_steps_or_actions_are_left_out(changing, stepped, tmp_path, capsys):
+def test_episodes_are_cut_where_steps_or_actions_are_missing(changing, stepped, tmp_path, capsys):
     assert main(["bag", "export", str(changing), "--lerobot", str(tmp_path / "changing")]) == 2
-    assert "expected whole episodes, got none" in capsys.readouterr().err  # nobody acted there
+    assert "expected steps with joints and actions, got none" in capsys.readouterr().err
     cut = rewritten(
         stepped,
         tmp_path / "cut",
         lambda topic, m: [] if topic == "/object_features" and lost(m) else [m],
     )
     assert main(["bag", "export", str(cut), "--lerobot", str(tmp_path / "set")]) == 1
-    assert "left out, because steps or actions are missing: [7]" in capsys.readouterr().out
-    assert described(tmp_path / "set")["total_episodes"] == 1
+    assert "cut, because steps or actions are missing: [7]" in capsys.readouterr().out
+    assert described(tmp_path / "set")["total_episodes"] == 3
     other = ["--lerobot", str(tmp_path / "other"), "--episodes", "7", "99"]
     assert main(["bag", "export", str(stepped), *other]) == 2
     assert "does not contain episodes [99]" in capsys.readouterr().err

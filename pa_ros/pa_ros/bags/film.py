@@ -22,7 +22,7 @@ from pa_ros.language.errors import ProgramError
 from pa_ros.language.syntax import SIZE
 from pa_ros.wire.arena import ArenaDescription
 from pa_ros.world.relation import at_stage, measured
-from pa_ros.world.schema import MIDDLE_EDGE_M
+from pa_ros.world.schema import MIDDLE_EDGE_M, ObjectSchema
 
 
 class Stage:
@@ -36,15 +36,14 @@ class Stage:
         design = design_named(arena.design).with_relations(*arena.world.relations)
         self.task = ReachTask(config, design, arena.seed)
         self._shown: tuple[str, int] | None = None  # the recorded program in force, its stage
-        self._known = arena.world.schema.tells_words  # else blocks are only seen
+        self._schema = arena.world.schema
         self._vocabulary, self._number = self.task.design.vocabulary, episode.number
         self._furnish(episode.rows[0], episode.rows[0].joint_position)
 
     def _furnish(self, row: Row, arm: Float64) -> None:
         """Set up a row's blocks, with no recorded program in force yet."""
-        kind = self.task.design.train[0]
         blocks = tuple(
-            _block(features, self.task.design) if self._known else _SeenBlock(kind, 0, 0, 0)
+            _block(features, self._schema, self.task.design)
             for i, features in enumerate(row.objects)
             if i != row.hand_index
         )
@@ -71,12 +70,12 @@ class Stage:
             mujoco.mju_mulQuat(turn, data.xquat[hand], np.roll(block[3:7], 1))
             self.task.simulation.put(i, origin + rotation @ block[:3], turn)
         mujoco.mj_kinematics(model, data)
-        if (row.program, row.stage) != self._shown:
+        if (row.program, row.stage) != self._shown or self.task.program.compares:
             self._shown = row.program, row.stage
             try:
                 pursued = stages(parse_goal(row.program, self._vocabulary))[row.stage]
                 self.task.set_program(pursued)
-                named = self._known
+                named = self._schema.tells_words  # else blocks are only seen
             except (ProgramError, IndexError):  # no program is in force, or its text is unrecorded
                 named = False
             if not named:
@@ -123,10 +122,12 @@ def _caption(row: Row) -> tuple[str, str]:
     return row.program or "no program", "   ".join(parts)
 
 
-def _block(features: Float32, design: Design) -> Block:
+def _block(features: Float32, schema: ObjectSchema, design: Design) -> Block:
     """Return a recorded object as a block, without its pose."""
-    has = dict(zip(design.schema.slices, design.schema.has(features), strict=True))
-    values = {g: design.schema[g].features.values[int(has[g].argmax())] for g in design.values}
+    has = dict(zip(schema.slices, schema.has(features), strict=True))
+    if not all(has[group].any() for group in design.values):
+        return _SeenBlock(design.train[0], 0.0, 0.0, 0.0)
+    values = {g: schema[g].features.values[int(has[g].argmax())] for g in design.values}
     edge_m = 0.0
     if design.edges_m:
         edge_m = MIDDLE_EDGE_M + float(features[design.schema.slices[SIZE].start])

@@ -168,7 +168,7 @@ def repair_command(folder: Path) -> str:
 
 def damaged(path: Path, reason: object) -> BagError:
     """Return the error for a bag whose content is not what its format says."""
-    return BagError(f"bag: {path}: {reason}", code="bag.damaged")
+    return BagError(f"bag: {path}: {' '.join(str(reason).split())}", code="bag.damaged")
 
 
 class FolderLock:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pa_ros.arena import ARMS
 from pa_ros.arena.movie import check_movie, write_movie
 from pa_ros.arena.render import draw
-from pa_ros.bags.episodes import RecordedEpisode
+from pa_ros.bags.episodes import RecordedEpisode, Row
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.export import pyarrow_with_parquet
 from pa_ros.bags.film import Stage
@@ -42,7 +42,7 @@ class Written:
 
     episodes: int
     frames: int
-    left_out: tuple[int, ...]  # numbers of episodes in which steps or actions are missing
+    cut: tuple[int, ...]  # numbers of episodes in which steps or actions are missing
 
 
 def export_lerobot(
@@ -67,10 +67,17 @@ def export_lerobot(
     wanted = [episode for episode in found if numbers is None or episode.number in numbers]
     if missing := sorted(set(numbers or ()) - {episode.number for episode in wanted}):
         raise BagError(f"export: the bag does not contain episodes {missing}")
-    chosen = [episode for episode in wanted if _whole(episode)]
-    left_out = tuple(episode.number for episode in wanted if not _whole(episode))
+    chosen, cut = list[RecordedEpisode](), list[int]()
+    for episode in wanted:
+        parts = _parts(episode)
+        chosen += parts
+        if [len(part.rows) for part in parts] != [len(episode.rows)]:
+            cut.append(episode.number)
     if not chosen:
-        raise BagError("export: expected whole episodes, got none", code="bag.foreign")
+        raise BagError(
+            f"export: expected steps with joints and actions, got none in episodes {cut}",
+            code="bag.foreign",
+        )
     objects = max(len(row.objects) for episode in chosen for row in episode.rows)
     tasks = {t: k for k, t in enumerate(dict.fromkeys(r.program for e in chosen for r in e.rows))}
     start, rows, frames_of = 0, list[dict[str, Any]](), list[Columns]()
@@ -122,7 +129,7 @@ def export_lerobot(
         "features": _features(columns, arena, side_px, fps),
     }
     write_whole(folder / "meta/info.json", json.dumps(about, indent=1))
-    return Written(len(chosen), start, left_out)
+    return Written(len(chosen), start, tuple(cut))
 
 
 def _frames_per_second(arena: ArenaDescription) -> int:
@@ -150,10 +157,16 @@ def _indices(
     }
 
 
-def _whole(episode: RecordedEpisode) -> bool:
-    """Whether no step is missing and each but the last has joints and an action."""
-    acted = all(len(row.action) and len(row.joint_position) for row in episode.rows[:-1])
-    return len(episode.rows) > 1 and not episode.missing and acted
+def _parts(episode: RecordedEpisode) -> list[RecordedEpisode]:
+    """The parts in which no step is missing and each but the last has joints and an action."""
+    parts: list[list[Row]] = [[]]
+    for row in episode.rows:
+        if parts[-1] and row.step != parts[-1][-1].step + 1:
+            parts.append([])
+        parts[-1].append(row)
+        if not (len(row.action) and len(row.joint_position)):
+            parts.append([])
+    return [replace(episode, rows=rows) for rows in parts if len(rows) > 1]
 
 
 def _columns(episode: RecordedEpisode, objects: int) -> Columns:

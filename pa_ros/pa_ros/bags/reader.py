@@ -116,8 +116,10 @@ class Bag:
         Raises BagError (code bag.foreign) if there are none or several.
         """
         found, prefix = self.topics_of(type_name, namespace), _below(namespace)
-        if len(found) == 1:
-            return found[0]
+        # Samples, and what camera_node saw, are in namespaces below that of an arena's own topics.
+        own = [name for name in found if "/" not in name.removeprefix(prefix)] or found
+        if len(own) == 1:
+            return own[0]
         where = f" below {prefix}" if namespace is not None else ""
         got = ", ".join(sorted(found or self.types)) or "no topics"
         hint = ": choose with --namespace" if found else ""

@@ -102,9 +102,9 @@ def _export_lerobot(bag: Bag, options: argparse.Namespace) -> int:
     found = episodes(bag, options.namespace)
     written = export_lerobot(found, arena, options.lerobot, options.episodes, options.video)
     print(f"{written.episodes} episodes, {written.frames} frames in {options.lerobot}")
-    if written.left_out:
-        print(f"left out, because steps or actions are missing: {list(written.left_out)}")
-    return EXIT_PARTIAL if written.left_out else 0
+    if written.cut:
+        print(f"cut, because steps or actions are missing: {list(written.cut)}")
+    return EXIT_PARTIAL if written.cut else 0
 
 
 def _film(bag: Bag, options: argparse.Namespace) -> int:

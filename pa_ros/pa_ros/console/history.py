@@ -68,6 +68,7 @@ class History:
         for entry in self.entries:
             if entry.program_id == status.program_id:
                 entry.statuses[status.node] = status
+                entry.watch.accepted(status.stamp_ns)
 
     def observe(self, steps: Iterable[Step]) -> None:
         """Follow the executions by the arena's steps, in their order."""

@@ -28,7 +28,7 @@ from pa_ros.ros.topics import ARENA_INFO, CAMERA_TRACKS, OBJECT_FEATURES, PROGRA
 from pa_ros.tools.arm import Arm
 from pa_ros.tools.client import namespaces_of_arenas
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
-from pa_ros.tools.scenes import suggested_programs
+from pa_ros.tools.scenes import Scene
 from pa_ros.tools.weights import AgentWeights
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, Mode, decode_arena_info
@@ -260,4 +260,4 @@ class LiveConsole:
         factor = self._figures.value(f"/{self._namespace}/sim_node".replace("//", "/"), RATE)
         self.speed = factor if arena.mode is Mode.REAL_TIME else None
         self._page.show(moment, "" if factor is None else f", {factor:.1f} times real time")
-        self.examples = suggested_programs(arena, self._page.scene.names)
+        self.examples = Scene(arena, newest).programs

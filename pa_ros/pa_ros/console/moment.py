@@ -41,3 +41,10 @@ class Moment:
         """Rows of the observation's objects that are blocks."""
         seen = self.observation
         return [i for i in range(len(seen.objects)) if i != seen.hand_index]
+
+    @property
+    def names(self) -> list[str]:
+        """The blocks' words, or "block 1" where nobody tells them."""
+        seen = self.observation
+        labels = self.arena.world.schema.labels(seen.objects, seen.hand_index)
+        return [labels[i] for i in self.blocks]

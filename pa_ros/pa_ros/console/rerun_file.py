@@ -77,7 +77,7 @@ class _EpisodeWriter:
         """Write consecutive steps with the same blocks."""
         stage.show(moments[0].row)
         self._times = self._timelines(moments)
-        kinds = [str(block.kind) for block in stage.task.episode.blocks]
+        kinds = moments[0].names
         shown = _shown(stage.task.simulation.model, self._begin(kinds))
         self._write_shapes(stage, shown, kinds, _relevance(moments))
         self._write_poses(stage, shown, moments)

@@ -89,8 +89,7 @@ class ArenaScene:
         for block in self._blocks:
             for handle in (block.solid, block.outline, block.label, block.circle):
                 handle.remove()
-        blocks = self._stage.task.episode.blocks
-        self._blocks = [self._block(model, i, str(block.kind)) for i, block in enumerate(blocks)]
+        self._blocks = [self._block(model, i, name) for i, name in enumerate(moment.names)]
         self._of = of
 
     def _block(self, model: mujoco.MjModel, index: int, name: str) -> _Block:

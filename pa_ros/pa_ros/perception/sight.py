@@ -14,6 +14,7 @@ from pa_ros.arena.config import ArenaConfig
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.perception.blobs import blobs, uncovered
 from pa_ros.perception.calibration import Cameras
+from pa_ros.perception.looks import NEEDS_ALL
 from pa_ros.perception.tracker import PushingArm, Tracker
 from pa_ros.perception.view import BLOCK_M, PLANE_M, Mask, Picture, View
 from pa_ros.world.poses import POSE_WIDTH, in_hand
@@ -123,7 +124,8 @@ class Sight:
             for row, track in enumerate(self.tracker.tracks):
                 words, start = [str(row + self._first)], 0
                 for name, width in self.cameras.widths.items():
-                    if not properties[row, start : start + width].any():
+                    unknown = name in NEEDS_ALL and track.covered
+                    if not unknown and not properties[row, start : start + width].any():
                         words.append(f"new {name}")
                     start += width
                 if camera in track.looks:

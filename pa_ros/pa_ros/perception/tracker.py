@@ -1,4 +1,4 @@
-"""Which blob is of which object, in the next picture and in another camera's: nearest neighbours.
+"""Assigns blobs to objects, from picture to picture and between cameras, by nearest neighbors.
 
 Where the arm does not touch blocks, a hidden block stays where it was. Where the arm pushes blocks,
 it often hides the one that it pushes; `fitting` then estimates the block's position. A block that

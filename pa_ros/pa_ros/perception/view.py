@@ -42,7 +42,7 @@ class View:
         known, size = Pictures(texture=pictures.texture), (width, height)
 
         def camera(of: Pictures) -> Camera:
-            # Places have no body: they are marks that somebody tells, which no camera sees.
+            # Places are marks whose poses are given as numbers; cameras do not see them.
             return Camera(self._model, view, *size, of, shows_places=False)
 
         self._imagined = camera(known)

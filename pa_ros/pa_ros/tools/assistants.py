@@ -110,10 +110,11 @@ class Table:
         Pillow.fromarray(self.arm.scene().picture(PICTURE_PX)).save(file, "png")
         return Image(data=file.getvalue(), format="png")
 
-    def execute(self, program: str, timeout_s: float = 10.0) -> dict[str, Any]:
+    def execute(self, program: str, timeout_s: float | None = None) -> dict[str, Any]:
         """Execute a program: the arm moves until the program has been satisfied for a moment, or
-        for timeout_s seconds (0.1 to 60) of the arena's time. Not to reach it is a result."""
-        if not 0.1 <= timeout_s <= LONGEST_S:
+        for timeout_s seconds (0.1 to 60) of the arena's time; by default for 10 s, in a goal of
+        several programs for each. Not to reach it is a result."""
+        if timeout_s is not None and not 0.1 <= timeout_s <= LONGEST_S:
             raise ConfigError(f"timeout_s: expected 0.1 to {LONGEST_S:g}, got {timeout_s:g}")
         result = self.arm.execute(program, timeout=timeout_s)
         return {

@@ -113,7 +113,8 @@ class Player:
             return [name for name in there if name != replaced]
         found = []
         for one in wanted:
-            named = [name for name in there if name == one or name.endswith("/" + one.lstrip("/"))]
+            named = [one] if one.startswith("/") else [n for n in there if n.endswith(f"/{one}")]
+            named = [name for name in named if name in there]
             if not named:
                 raise BagError(
                     f"bag: {self._bag.path}: expected one of {', '.join(sorted(there))}, got {one}"

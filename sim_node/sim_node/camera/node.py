@@ -1,4 +1,4 @@
-"""A camera as a ROS node: it replaces what is told of the blocks by what pictures show of them.
+"""A camera as a ROS node: it replaces the blocks in observations by those that it sees in pictures.
 
 An arena, or a robot's node, says where the arm is and what the verifier thinks. This node publishes
 the same steps again under `seen/`, with the objects that the camera found; agents follow those.
@@ -66,7 +66,7 @@ class CameraNode(ManagedNode):
         self._steps: deque[Step] = deque(maxlen=KEPT)  # of this episode
         self._early: Message | None = None  # a picture of the next step
         self._waiting_since: float | None = None  # s; the newest step waits for its picture
-        self._looked_at = -np.inf  # when the newest usable picture arrived, s
+        self._looked_at = time.monotonic()  # when the newest usable picture arrived, s
         self._unseen = ""  # why the arena is not seen
         self._calibrated = False  # whether camera_info is that of the calibration
         self._out = self.advertise(topics.OBJECT_FEATURES.within(SEEN))
@@ -102,7 +102,7 @@ class CameraNode(ManagedNode):
                 "which a camera would take for blocks; sim_node's perception sees such a world",
                 code="perception.camera",
             )
-        config = preset_named("fast", arena.arm or "jaco")  # only the arm's looks matter here
+        config = preset_named(arena.preset or "fast", arena.arm or "jaco")
         sight = sight_of(config, self._calibration)
         if (cameras := len(sight.views)) > 1:
             sight.close()
@@ -126,7 +126,8 @@ class CameraNode(ManagedNode):
         step = decode_step(message)
         last = self._steps[-1] if self._steps else step
         before, now = last.observation, step.observation
-        if (before.episode, last.evaluation) != (now.episode, step.evaluation):
+        same = (before.episode, last.evaluation) == (now.episode, step.evaluation)
+        if not same or now.step < before.step:  # another scene, or the same one again
             self._steps.clear()
             self._sight.begin()
         self._steps.append(step)
