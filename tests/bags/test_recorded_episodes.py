@@ -5,6 +5,7 @@ import errno
 import json
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,27 @@ def test_the_parts_of_each_step_are_joined(stepped):
         else:
             np.testing.assert_array_equal(row.action, command.action)
             assert row.policy_version == 4
+
+
+def test_samples_and_what_a_camera_saw_are_not_taken_for_the_arenas_steps(stepped):
+    with Bag(stepped) as bag:
+        before, steps = [len(one.rows) for one in episodes(bag)], "/object_features"
+        for beside in ("/samples", "/seen"):
+            bag.types[beside + steps] = bag.types[steps]
+        assert bag.topic_of(bag.types[steps]) == steps
+        assert [len(one.rows) for one in episodes(bag)] == before
+
+
+def test_a_comparison_is_made_anew_at_each_step(stepped):
+    episode, stage = first_episode(stepped)
+    row = replace(episode.rows[0], program="NEAR(HAND, LEFTMOST(OR(CUBE, NOT(CUBE))))")
+    stage.show(row)
+    (leftmost,) = stage.task.verifier.targets
+    objects = row.objects.copy()
+    objects[1:] = objects[:0:-1]  # in the opposite order
+    objects[1:, 7:] = row.objects[1:, 7:]
+    stage.show(replace(row, objects=objects))
+    assert stage.task.verifier.targets == (len(objects) - leftmost,)
 
 
 def test_info_describes_episodes_versions_and_provenance(learned, stepped, capsys):

@@ -211,3 +211,11 @@ def test_a_program_is_followed_until_it_is_satisfied():
     history.observe([taken(step, step >= 15) for step in range(40)])
     assert "satisfied after 1.5 s" in history.html() and not history.pending
     assert "rejected: unknown word" in history.html()
+
+
+def test_a_program_that_is_replaced_before_its_first_step_is_over():
+    history = History()
+    history.add("early", "NEAR(HAND, RED)")
+    history.add_status(ProgramStatus("early", "/sim_node", True, stamp_ns=1))
+    history.observe([taken(step, False) for step in range(3)])
+    assert "another program" in history.html() and not history.pending

@@ -16,6 +16,7 @@ from helpers.graph import Probe, graph, learned_over_the_graph
 from helpers.pictures import opengl
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.errors import ActingError
+from pa_ros.arena import training_programs
 from pa_ros.arena.render import top_view
 from pa_ros.bags.episodes import episodes
 from pa_ros.bags.experience import Experience, arenas_of
@@ -142,6 +143,8 @@ def test_the_console_shows_what_an_arena_sees(recorded: Path) -> None:
 
         assert probe.until(shown)
         task = probe.nodes[0].session.task
+        assert page.show.call_args[0][0].names == [f"block {n}" for n in range(1, 5)]
+        assert set(console.examples) <= {str(one) for one in training_programs(task.design)}
         (picture,) = page.show_picture.call_args[0]
         boxes = (picture != task.pictures()[0]).any(-1)
         left, top, right, bottom = task.sight.tracker.tracks[0].looks[0].box
