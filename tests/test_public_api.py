@@ -88,6 +88,14 @@ def test_an_agent_is_trained_and_scored_on_programs_of_ones_own(
         pa_ros.evaluate(pa_ros.load("3-D"), ["NEAR(HAND, A)"], episodes=1)
 
 
+def test_one_program_is_scored_and_no_episodes_are_rejected() -> None:
+    agent = pa_ros.load("2-L")
+    (row,) = pa_ros.evaluate(agent, "NEAR(HAND, RED)", episodes=1)  # type: ignore[arg-type]
+    assert row.program == "NEAR(HAND, RED)"
+    with pytest.raises(ConfigError, match="expected at least one episode, got 0"):
+        pa_ros.evaluate(agent, ["NEAR(HAND, RED)"], episodes=0)
+
+
 def test_an_unknown_agent_is_rejected_with_the_known_ones() -> None:
     with pytest.raises(PaError, match="2-L.*3-D"):
         pa_ros.load("4-D")

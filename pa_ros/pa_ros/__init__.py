@@ -118,7 +118,7 @@ def train(
 def evaluate(
     agent: TrainedAgent, programs: Sequence[str], episodes: int = 20, condition: str = "eval"
 ) -> list[ProgramRow]:
-    """Success rate and reward per step of an agent for each program, in fresh scenes.
+    """Success rate and reward per step of an agent (`load`) for each program, in fresh scenes.
 
     Scenes are drawn from a condition; those in which a program names nothing are passed over.
     Raises ProgramError for a wrong program, ConfigError for one that names something too rarely.
@@ -129,7 +129,7 @@ def evaluate(
         agent.arena,
         agent.design,
         agent.policy,
-        programs,
+        [programs] if isinstance(programs, str) else programs,
         episodes,
         condition=condition,
         perception=agent.perception,

@@ -103,7 +103,7 @@ def test_episodes_are_cut_where_steps_or_actions_are_missing(changing, stepped, 
     assert main(["bag", "export", str(stepped), *other]) == 2
     assert "does not contain episodes [99]" in capsys.readouterr().err
     assert main(["bag", "export", str(stepped), "--lerobot", str(tmp_path / "set")]) == 2
-    assert "expected a file to write, got a folder" in capsys.readouterr().err
+    assert "already exists: name another folder" in capsys.readouterr().err
 
 
 def lost(message) -> bool:

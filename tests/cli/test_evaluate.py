@@ -60,6 +60,7 @@ def test_comparisons_are_executed_without_training(tmp_path, capsys):
 @pytest.mark.parametrize(("asked", "said"), [
     ("--policy scripted --design 3-D --judge agent", "expected --checkpoint"),
     ("--policy scripted --design 3-D --pictures hard", "expected --checkpoint"),
+    ("--policy scripted --design 3-D --condition finite", "expected a design that avoids"),
     ("--checkpoint shipped:2-L --condition all --judge agent", "expected one condition, got all"),
     ("--checkpoint shipped:avoid --condition finite --layouts own", "another condition"),
 ])  # fmt: skip

@@ -98,7 +98,7 @@ def test_the_file_alone_says_how_to_execute_a_program(tmp_path):
 
 @needs_onnx
 def test_networks_without_programs_are_rejected_in_one_line(tmp_path):
-    with pytest.raises(ConfigError, match="expected programmable networks, got canonical"):
+    with pytest.raises(ConfigError, match="programmable networks of this package, got canonical"):
         export_onnx(agent_of("2-L", family="canonical"), tmp_path / "actor.onnx")
     assert not list(tmp_path.iterdir())
 

@@ -1,6 +1,8 @@
 """The example of a reward is chosen by name and used in relabeling."""
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +10,8 @@ import pytest
 from helpers.learners import load_example, trained
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.learner import Learner
-from pa_ros.world import reward_from
+from pa_ros.world import Sparse, reward_from
+from pa_ros.world.reward import REWARDS
 
 SHAPED = '{"name": "shaped", "weight": 0.8}'
 
@@ -36,3 +39,14 @@ def test_it_is_chosen_by_name_or_json() -> None:
     assert reward_from(SHAPED).to_json() == '{"length_m":0.3,"name":"shaped","weight":0.8}'
     with pytest.raises(ConfigError, match=r"\['weight', 'length_m'\], got wait = 1"):
         reward_from('{"name": "shaped", "wait": 1}')
+
+
+def test_an_error_of_a_reward_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    @dataclass(frozen=True)
+    class NotOfArrays(Sparse):
+        def __call__(self, satisfied: Any, measure: Any) -> Any:
+            return 1.0 if satisfied else -1.0
+
+    monkeypatch.setitem(REWARDS._items, "mine", NotOfArrays)  # noqa: SLF001
+    with pytest.raises(ConfigError, match="reward mine: expected a dataclass with defaults that"):
+        reward_from("mine")

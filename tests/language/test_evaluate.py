@@ -59,17 +59,17 @@ def test_a_negation_never_names_the_hand() -> None:
 
 def test_an_absent_target_is_rejected_with_the_present_objects() -> None:
     program = near("AND(BLUE, SPHERE)")
-    world = [set(), {"RED", "CUBE"}, {"BLUE", "CUBE"}]
+    world = [(), ("RED", "CUBE"), ("BLUE", "CUBE")]
     with pytest.raises(ProgramError) as caught:
         require_target(program, world, 0)
     assert caught.value.code == "program.names_nothing"
     assert str(caught.value) == (
-        "column 12: no such object: expected an object of the scene (CUBE RED or BLUE CUBE), "
+        "column 12: no such object: expected an object of the scene (RED CUBE or BLUE CUBE), "
         "received AND(BLUE, SPHERE)\n"
         "  NEAR(HAND, AND(BLUE, SPHERE))\n"
         "             ^~~~~~~~~~~~~~~~~"
     )
-    require_target(program, [*world, {"BLUE", "SPHERE"}], 0)
+    require_target(program, [*world, ("BLUE", "SPHERE")], 0)
     with pytest.raises(ProgramError, match="it is empty"):
         require_target(program, [set()], 0)
 

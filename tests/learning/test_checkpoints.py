@@ -127,6 +127,10 @@ def test_a_checkpoint_of_another_version_is_rejected_naming_both(tmp_path) -> No
         load_policy(tmp_path)
 
 
+def test_the_checkpoint_of_a_runs_folder_is_found(saved) -> None:
+    assert find_checkpoint(saved.parent) == find_checkpoint(saved)
+
+
 def test_a_missing_checkpoint_is_an_error(tmp_path) -> None:
     with pytest.raises(CheckpointError, match="found none"):
         load_policy(tmp_path / "nowhere")

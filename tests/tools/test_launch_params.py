@@ -120,6 +120,11 @@ def test_no_arenas_and_too_many_are_refused(arenas):
         fleet(load_parameters(packaged("train_2l")), arenas)
 
 
+def test_a_file_that_does_not_exist_is_named_with_the_packaged_ones():
+    with pytest.raises(ConfigError, match="expected a file or one of .*did you mean 'train_2l'"):
+        load_parameters(chosen("train_2L"))
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [

@@ -261,9 +261,8 @@ class Actor:
         features = observation.objects.shape[-1], arm.size
         if features != self._features:
             raise ActingError(
-                "policy: expected {} features of an object and {} of the arm, got {} and {}".format(
-                    *self._features, *features
-                )
+                "policy: expected {} features of an object and {} of the arm, as it was trained "
+                "with, got {} and {}".format(*self._features, *features)
             )
         return arm
 

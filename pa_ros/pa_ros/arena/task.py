@@ -135,8 +135,8 @@ class GoalVerifier:
         """Its verifier, without what it avoids."""
 
 
-def _words(kinds: Sequence[Kind]) -> list[frozenset[str]]:
-    return [frozenset(), *(kind.words for kind in kinds)]
+def _words(kinds: Sequence[Kind]) -> list[tuple[str, ...]]:
+    return [(), *(tuple(str(kind).split()) for kind in kinds)]
 
 
 class ReachTask:

@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--rerun", type=file_to_write, metavar="FILE.rrd", help="all in one file for Rerun's viewer"
     )
     export.add_argument(
-        "--lerobot", type=file_to_write, metavar="DIR", help="a LeRobot v3 dataset in a new folder"
+        "--lerobot", type=Path, metavar="DIR", help="a LeRobot v3 dataset in a new folder"
     )
     export.add_argument(
         "--video", type=int, metavar="PIXELS", help="with --lerobot: films from above, so wide"

@@ -215,6 +215,11 @@ def _all_conditions(agent: TrainedAgent, options: argparse.Namespace) -> int:
 
 def _formulas(task: ReachTask, policy: AgentPolicy | str, options: argparse.Namespace) -> int:
     """Every formula: a table, and `eval.CONDITION.…` in the report."""
+    if not task.design.vocabulary.avoids:
+        raise ConfigError(
+            f"eval --condition finite: expected a design that avoids, such as 3-D-avoid, got "
+            f"{task.design.name}"
+        )
     report: dict[str, float | int | str] = {"eval.episodes": options.episodes}
     print("            success  violations  formula")
     for condition, (formula, _) in FORMULAS.items():

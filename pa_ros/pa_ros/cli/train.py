@@ -106,6 +106,7 @@ def run(options: argparse.Namespace) -> int:
     if learner.counters.frames >= config.frames + arena.episode_steps:
         print(f"there were {learner.counters.frames:,} frames already: nothing was learned")
     from_bag.say_if_untrained(learner)
-    next_step = f"pa_ros eval --checkpoint {shlex.quote(str(config.out))}"
+    given = "".join(f" --extension {shlex.quote(one)}" for one in options.extension or ())
+    next_step = f"pa_ros{given} eval --checkpoint {shlex.quote(str(config.out))}"
     print(f"checkpoint and curve in {config.out}; next: {next_step}")
     return EXIT_UNRECORDED if run_log is not None and run_log.failure is not None else 0

@@ -49,7 +49,7 @@ class Registry(Generic[T]):
         except (KeyError, TypeError):  # a name that is not text
             raise ConfigError(
                 f"unknown {self.kind}: expected one of {list(self)}, got {name!r}"
-                f"{did_you_mean(str(name), self)}"
+                f"{did_you_mean(str(name), self) or '; an extension has to be named'}"
             ) from None
 
     def __contains__(self, name: object) -> bool:

@@ -41,8 +41,8 @@ def renewable(console: Console) -> bool:
 def nearest(name: str, known: Iterable[str]) -> str | None:
     """The known name that was probably meant; None if no name is near."""
     names = list(known)
-    last = name.rpartition(".")[2]
-    same = [one for one in names if one.rpartition(".")[2] == last]
+    last = name.lstrip("-").rpartition(".")[2]
+    same = [one for one in names if one.lstrip("-").rpartition(".")[2] == last]
     return next(iter(same or difflib.get_close_matches(name, names, 1, cutoff=0.65)), None)
 
 

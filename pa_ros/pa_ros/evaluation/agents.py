@@ -12,7 +12,7 @@ import numpy as np
 
 from pa_ros.acting.actor import Actor
 from pa_ros.acting.insight import Explanation, Insight
-from pa_ros.arena import ArenaConfig, Design, design_named, preset_named
+from pa_ros.arena import ArenaChoice, ArenaConfig, Design, design_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64, Observation, PolicySnapshot
 from pa_ros.evaluation.evaluate import AgentPolicy, policy_of
@@ -95,7 +95,7 @@ def load_agent(
     named: dict[str, Any] = {name: value or facts.get(name) for name, value in given.items()}
     if missing := [name for name, value in named.items() if not isinstance(value, str)]:
         raise ConfigError(f"agent {path}: expected {missing} in the checkpoint or as options")
-    arena = preset_named(named["preset"], named["arm"])
+    arena = ArenaChoice(**named).arena_config()
     snapshot = load_policy(folder)
     asked = actor_config(snapshot.architecture).vocabulary.relations
     task = design_named(named["design"]).with_relations(*asked)

@@ -224,6 +224,8 @@ def evaluate_programs(
 
     Raises ProgramError for a wrong program, ConfigError for one that has too few such scenes.
     """
+    if episodes < 1:
+        raise ConfigError(f"evaluate: expected at least one episode, got {episodes}")
     task, rows = task_seen(config, design, EPISODES_SEED, perception), []
     for program in (parse(text, design.vocabulary) for text in programs):
         scores: list[EpisodeScore] = []

@@ -7,7 +7,7 @@ These are the readable definitions, one object at a time. Batches of different p
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence, Set
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import mul
@@ -66,7 +66,7 @@ def logic_named(name: str) -> Logic:
 
 def roles(
     program: Program,
-    objects: Sequence[Set[str]],
+    objects: Sequence[Collection[str]],
     hand_index: int | None,
     bodiless: Collection[str] = (),
 ) -> tuple[tuple[bool, ...], tuple[bool, ...]]:
@@ -84,14 +84,14 @@ def roles(
         return describes(expression, objects[i])
 
     indices = range(len(objects))
-    bodies = [i == hand_index or objects[i].isdisjoint(bodiless) for i in indices]
+    bodies = [i == hand_index or {*bodiless}.isdisjoint(objects[i]) for i in indices]
     moved = (bodies[i] and contains(program.moved, i) for i in indices)
     return tuple(moved), tuple(contains(program.target, i) for i in indices)
 
 
 def satisfying(
     program: Program,
-    objects: Sequence[Set[str]],
+    objects: Sequence[Collection[str]],
     hand_index: int | None,
     bodiless: Collection[str] = (),
 ) -> tuple[bool, ...]:
@@ -103,7 +103,7 @@ def satisfying(
 
 def require_target(
     program: Program,
-    objects: Sequence[Set[str]],
+    objects: Sequence[Collection[str]],
     hand_index: int | None,
     bodiless: Collection[str] = (),
 ) -> None:
@@ -125,15 +125,19 @@ def require_target(
 
 
 def _names_nothing(
-    program: Program, objects: Sequence[Set[str]], hand_index: int | None, moved: bool = False
+    program: Program,
+    objects: Sequence[Collection[str]],
+    hand_index: int | None,
+    moved: bool = False,
 ) -> ProgramError:
     expected = present_objects(objects, hand_index)
     return _rejected(program, "program.names_nothing", expected, moved)
 
 
-def present_objects(objects: Sequence[Set[str]], hand_index: int | None) -> str:
+def present_objects(objects: Sequence[Collection[str]], hand_index: int | None) -> str:
     """For an "expected": the objects of a scene."""
-    present = [" ".join(sorted(w)) for i, w in enumerate(objects) if i != hand_index]
+    named = enumerate(w if isinstance(w, Sequence) else sorted(w) for w in objects)
+    present = [" ".join(words) for i, words in named if i != hand_index]
     return f"an object of the scene ({one_of(present) if present else 'it is empty'})"
 
 
@@ -147,7 +151,7 @@ def _rejected(program: Program, code: str, expected: str, moved: bool = False) -
     return ProgramError(source, span, code=code, expected=expected, received=f"{wrong}")
 
 
-def describes(expression: Expression, words: Set[str]) -> bool:
+def describes(expression: Expression, words: Collection[str]) -> bool:
     """Crisp truth of an expression for one object, given its true words."""
     match expression:
         case Word(name):

@@ -13,7 +13,7 @@ estimate. A part *begins* at one state, and from then on it either holds in a st
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence, Set
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -66,7 +66,7 @@ def stages(goal: Goal) -> tuple[Program, ...]:
 
 def require_possible(
     goal: Goal,
-    objects: Sequence[Set[str]],
+    objects: Sequence[Collection[str]],
     hand_index: int | None,
     bodiless: Collection[str] = (),
 ) -> None:

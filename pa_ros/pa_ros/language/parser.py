@@ -213,6 +213,8 @@ class _Parser:
         moved: Expression = HAND
         if self._vocabulary.moves_objects:
             first, moved = self._parse_argument()
+        elif self._token.text in {*self._vocabulary.words, *OPERATORS, *COMPARISONS}:
+            raise self._unexpected("HAND (programs of this world move the hand alone)")
         else:
             self._take_keyword(HAND.name)
         targets, closing = self._parse_rest(self._parse_argument)

@@ -35,7 +35,7 @@ Pieces = Sequence[Any]  # of a file's content, in turn: bytes, or arrays of byte
 
 
 def find_checkpoint(path: Path) -> Path:
-    """The checkpoint folder that `path` is, or that its LATEST names.
+    """The checkpoint folder that `path` is, or that its LATEST names, also in a run's folder.
 
     "shipped:NAME" is a policy that comes with the package. Raises CheckpointError if there is none.
     """
@@ -48,6 +48,8 @@ def find_checkpoint(path: Path) -> Path:
     if os.path.isfile(path / METADATA):
         return path
     named = latest_name(path)
+    if not named and (inner := latest_name(path / "checkpoint")):
+        path, named = path / "checkpoint", inner
     if not named or Path(named).name != named or not os.path.isfile(path / named / METADATA):
         raise CheckpointError(f"checkpoint: expected one at {path}, found none")
     return path / named

@@ -93,8 +93,7 @@ def write_onnx(
     """
     if network.actor != "programmable":
         raise ConfigError(
-            f"export: onnx: expected programmable networks, got {network.family}, which has no "
-            "learned detectors that execute programs"
+            f"export: onnx: expected programmable networks of this package, got {network.family}"
         )
     if network.vocabulary.avoids:
         raise ConfigError(

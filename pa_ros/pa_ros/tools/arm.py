@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pa_ros import Result
-from pa_ros.acting.execution import HOLD_S, window_s
-from pa_ros.core.errors import PaError
+from pa_ros.acting.execution import ENDED, HOLD_S, window_s
+from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.language import parse, parse_goal, require_possible
 from pa_ros.tools.client import NoAnswerError
 from pa_ros.tools.connection import Connection
@@ -154,7 +154,7 @@ class Arm:
         vocabulary = scene.arena.world.vocabulary
         parsed = parse_goal(program, vocabulary)
         if scene.arena.world.schema.tells_words:
-            present = [set(name.split()) for name in scene.blocks]
+            present = [name.split() for name in scene.blocks]
             require_possible(parsed, present, None, vocabulary.bodiless)
         return str(parsed)
 
@@ -205,7 +205,7 @@ class Arm:
             found = sender.wait(patience)
         finally:
             graph.call(sender.close)
-        reason = "" if found.satisfied else found.text(program)
+        reason = "" if found.satisfied else ENDED[found.ended][1]
         return Result(program, found.satisfied, found.distance, found.reached_s, reason)
 
     def start(self, program: str, timeout: float | None = None, hold: float = HOLD_S) -> Goal:
@@ -243,6 +243,8 @@ class Arm:
 
     def reset(self, episode: int | None = None, evaluation: bool = False) -> Scene:
         """Begin the next scene, or the scene of an episode, and return it."""
+        if episode is not None and (not isinstance(episode, int) or episode < 0):
+            raise ConfigError(f"reset: expected the number of an episode, got {episode!r}")
         began = self.graph.services.reset(ResetRequest(episode, "", evaluation))
 
         def arrived() -> bool:
@@ -287,12 +289,13 @@ class Arm:
         self.graph.services.set_speed(times)
 
     def move(self, block: int, x: float, y: float) -> None:
-        """Put a block, by its number in `scene().blocks`, somewhere on the table (m)."""
+        """Put a block, by its number in `scene().blocks` (the first is 0), somewhere on the table
+        (m)."""
         places = self.scene().places
-        if not 0 <= block < len(places):
-            text = f"move: expected one of {len(places)} blocks, got number {block}"
+        if not isinstance(block, int) or not 0 <= block < len(places):
+            text = f"move: expected one of {len(places)} blocks, got number {block!r}"
             raise PaError(text, code="arena.service")
-        self.graph.services.move(places[block], x, y)
+        self.graph.services.move(places[block], float(x), float(y))
 
     def close(self) -> None:
         """Cancel the goal, leave the graph, and end what `simulated` started."""

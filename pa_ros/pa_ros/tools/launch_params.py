@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.text import read_yaml
+from pa_ros.core.text import did_you_mean, read_yaml
 from pa_ros.learning.folder import refuse_used
 
 CONFIG = Path(__file__).parents[1] / "config"
@@ -49,6 +49,11 @@ def load_parameters(path: Path) -> Parameters:
     """
     try:
         content = read_yaml(path.read_text())
+    except FileNotFoundError as error:
+        raise ConfigError(
+            f"parameters: expected a file or one of {list(packaged_names())}, got {str(path)!r}"
+            f"{did_you_mean(str(path), packaged_names())}"
+        ) from error
     except (OSError, ValueError) as error:
         raise ConfigError(f"parameters: {path}: {error}") from error
     if not isinstance(content, dict) or not content:

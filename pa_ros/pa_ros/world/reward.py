@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import isfinite
 from typing import Any, ClassVar
 
 import numpy as np
 
-from pa_ros.core.errors import ConfigError
+from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.extensions import Registry
 from pa_ros.core.settings import canonical_json, read_json
 
@@ -75,6 +76,18 @@ def reward_from(text: str) -> Reward:
                 f"got {text[:200]!r}"
             ) from error
     kind = REWARDS[name]
+    try:
+        return _checked(name, kind, parameters)
+    except PaError:
+        raise
+    except Exception as error:  # of an extension
+        raise ConfigError(
+            f"reward {name}: expected a dataclass with defaults that takes numbers and arrays, got "
+            f"{error!r}"
+        ) from error
+
+
+def _checked(name: str, kind: type[Reward], parameters: Mapping[str, Any]) -> Reward:
     known = asdict(kind())
     for key, value in parameters.items():
         # JSON may come from another process, so its parameters are checked by name and type.
