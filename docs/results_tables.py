@@ -107,7 +107,7 @@ PUSHING = {  # tables of seeds in which blocks are moved
     "push-2-pairs": "push-2, also trained on pairs of blocks",
     "push-2-sides": "push-2, five relations",
     "push-2.push-joints-arm": "push-2, joint velocities",
-    "push-2.push-slow-arm": "push-2, slow arm",
+    "push-2.push-slow-arm.longer": "push-2, slow arm",
 }
 ONE_PROPERTY = (
     *(f"{role}-{way}" for role in ("moved", "target") for way in (
@@ -134,7 +134,7 @@ CLAIMS = (  # in words, aim, table, conditions
     ("other relations between blocks", 0.85, "push-2-sides", BETWEEN),
     ("joint velocities, to places", 0.9, "push-2.push-joints-arm", ("eval",)),
     ("joint velocities, to blocks", 0.85, "push-2.push-joints-arm", ("pairs",)),
-    ("slow arm", 0.85, "push-2.push-slow-arm", ("eval",)),
+    ("slow arm", 0.85, "push-2.push-slow-arm.longer", ("eval",)),
 )
 UNDONE = {  # tags of variants of push-2
     "": "nothing",
