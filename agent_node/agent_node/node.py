@@ -245,7 +245,7 @@ class AgentNode(ManagedNode):
         # it is alive. Those of other namespaces arrive, too.
         for entry in decode_diagnostics(message):
             learner = entry.values.get(LEARNER_ID)
-            if self._learners.knows(learner):
+            if learner is not None and self._learners.knows(learner):
                 self._learners.received(learner)
 
     def _on_weights(self, message: Message) -> None:

@@ -213,9 +213,20 @@ def test_a_program_is_followed_until_it_is_satisfied():
     assert "rejected: unknown word" in history.html()
 
 
+def test_an_agents_older_answer_does_not_end_a_program():
+    history = History()
+    history.add("id", "NEAR(HAND, RED)")
+    history.add_status(ProgramStatus("id", "/agent_node", True, stamp_ns=0))
+    history.observe([judged(1, False, 10**8, program_id="before")])
+    history.add_status(ProgramStatus("id", "/sim_node", True, stamp_ns=2 * 10**8))
+    history.observe([taken(step, step >= 5) for step in range(3, 30)])
+    assert "satisfied after" in history.html()
+
+
 def test_a_program_that_is_replaced_before_its_first_step_is_over():
     history = History()
     history.add("early", "NEAR(HAND, RED)")
+    history.add_status(ProgramStatus("early", "/agent_node", True, stamp_ns=0))  # may be older
     history.add_status(ProgramStatus("early", "/sim_node", True, stamp_ns=1))
     history.observe([taken(step, False) for step in range(3)])
     assert "another program" in history.html() and not history.pending

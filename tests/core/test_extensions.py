@@ -21,7 +21,7 @@ def test_items_are_found_in_the_order_of_registering() -> None:
 def test_an_unknown_name_is_refused_with_the_known_ones() -> None:
     arms: Registry[float] = Registry("arm")
     arms.register("long", 2.0)
-    with pytest.raises(ConfigError, match=r"^unknown arm: expected one of \['long'\], got 'x'$"):
+    with pytest.raises(ConfigError, match=r"^unknown arm: expected one of \['long'\], got 'x'; "):
         arms["x"]
 
 

@@ -38,7 +38,7 @@ def test_an_agent_trained_from_pictures_keeps_its_camera(
     told = [*run[:3], *run[5:], *settings, "--resume"]  # its own camera is used
     assert cli.main([*told, "--frames", "500"]) == 0
     assert cli.main([*told, "--perception", "corner", "--frames", "600"]) == 2
-    assert "expected that of the resumed run, ['above'], got corner" in capsys.readouterr().err
+    assert "expected camera, as the resumed run has, got corner" in capsys.readouterr().err
     scored = ["eval", "--checkpoint", str(tmp_path), "--condition", "blocks-3", "--episodes", "1"]
     scored += ["--pictures", "hard"]
     assert cli.main(scored) == 0

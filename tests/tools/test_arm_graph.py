@@ -210,7 +210,8 @@ def test_blocks_are_moved_by_number_and_wrong_requests_say_why(arm: Arm) -> None
         arm.set_speed(-1.0)
     arm.set_speed(5.0)
     arm.pause()
-    arm.move(0, 0.45, -0.3)
+    arm.move(0, 0.35, -0.3)
+    arm.move(0, 0.45, -0.3)  # the same block, though no step shows yet that it moved
     with pytest.raises(PaError, match="every other block"):
         arm.move(1, 0.45, -0.3)
     hand, block, *_ = arm.step().step.observation.objects

@@ -40,9 +40,11 @@ def test_impossible_poses_are_rejected(index, value, code):
 
 def test_a_block_gets_the_p_of_the_object_that_is_seen_where_it_is():
     """Its number does not say which: a camera sees blocks in an order of its own."""
-    markers = MarkerArray(markers=[Marker(ns="blocks", id=n) for n in (0, 2**31 - 1)])
-    markers.markers[0].pose.position.x = 0.5
     places = np.array([[np.inf] * 3, [0.0, 0.01, 0.0], [0.49, 0.0, 0.0]])
-    outlined = encode_outlines(markers, places, [1.0, 0.5, 0.0])
-    assert [marker.color.a for marker in outlined.markers] == [0.0, 0.25]
+    # The second time no camera sees a block.
+    for seen, p, opacities in ((3, [1.0, 0.5, 0.0], [0.0, 0.25]), (1, [1.0], [0.0, 0.0])):
+        markers = MarkerArray(markers=[Marker(ns="blocks", id=n) for n in (0, 2**31 - 1)])
+        markers.markers[0].pose.position.x = 0.5
+        outlined = encode_outlines(markers, places[:seen], p)
+        assert [marker.color.a for marker in outlined.markers] == opacities
     assert encode_outlines(MarkerArray(), places, [1.0, 0.5, 0.0]) is None

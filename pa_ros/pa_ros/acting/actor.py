@@ -178,11 +178,11 @@ class Actor:
         """
         meant = self._meant(observation)
         to_avoid = {*meant(Program(avoided))[1]}
-        targets = {*chain(*_compared(observation, program, meant(program), self._world.schema))}
+        targets = {*_compared(observation, program, meant(program), self._world.schema)[1]}
         if targets & to_avoid and not targets <= to_avoid and not program.compares:
             # Go for the targets that need not be avoided.
             program = replace(program, target=And((program.target, Not(avoided))))
-            targets = {*chain(*meant(program))}
+            targets = {*meant(program)[1]}
         to_avoid -= targets
         distance = {i: float(np.linalg.norm(observation.objects[i, :3])) for i in sorted(to_avoid)}
         near = [i for i, metres in distance.items() if metres < AVOIDED_WITHIN_M]

@@ -38,7 +38,7 @@ class Schedule(Settings):
         "arrival",
         description="how several agents wait. arrival: trajectories are learned from as they "
         "arrive, and each agent waits for the weights of its own; exact: they are learned from in "
-        "a fixed order, so that a seed repeats; free: nobody waits",
+        "a fixed order, so that the same seed gives the same result; free: nobody waits",
     )
     trajectory_steps: int = Field(
         100, ge=1, le=10_000, description="transitions per trajectory: an episode"

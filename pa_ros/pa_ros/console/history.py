@@ -43,6 +43,9 @@ class Entry:
         return done.text(self.text)
 
 
+ARENAS = ("sim_node", "robot_node")  # whose steps follow the program from its acceptance on
+
+
 class History:
     """The newest KEPT programs, newest first."""
 
@@ -68,7 +71,8 @@ class History:
         for entry in self.entries:
             if entry.program_id == status.program_id:
                 entry.statuses[status.node] = status
-                entry.watch.accepted(status.stamp_ns)
+                if status.accepted and status.node.rpartition("/")[2] in ARENAS:
+                    entry.watch.accepted(status.stamp_ns)
 
     def observe(self, steps: Iterable[Step]) -> None:
         """Follow the executions by the arena's steps, in their order."""

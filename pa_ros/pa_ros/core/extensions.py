@@ -25,6 +25,9 @@ from pa_ros.core.text import did_you_mean
 T = TypeVar("T")
 
 
+OF_YOUR_OWN = "; if it is your own, load its file (--extension FILE, or the parameter extensions)"
+
+
 class Registry(Generic[T]):
     """Items of one kind by name, in the order of registering; iterating gives names."""
 
@@ -49,7 +52,7 @@ class Registry(Generic[T]):
         except (KeyError, TypeError):  # a name that is not text
             raise ConfigError(
                 f"unknown {self.kind}: expected one of {list(self)}, got {name!r}"
-                f"{did_you_mean(str(name), self) or '; an extension has to be named'}"
+                f"{did_you_mean(str(name), self) or OF_YOUR_OWN}"
             ) from None
 
     def __contains__(self, name: object) -> bool:

@@ -32,12 +32,10 @@ def camera_of(run: Path | None, arena: ArenaConfig, design: Design, perception: 
         return calibrated(arena, design, perception)
     newest, _ = newest_whole(checkpoint_of(run))
     kept = str(read_metadata(newest)["extra"].get("perception", ""))
-    if perception != TOLD:
-        views = [json.loads(camera)["view"] for camera in kept.splitlines()]
-        if views != VIEWS[perception]:
-            raise ConfigError(
-                f"perception: expected that of the resumed run, {views or TOLD}, got {perception}"
-            )
+    views = [json.loads(camera)["view"] for camera in kept.splitlines()]
+    own = next((name for name, one in VIEWS.items() if one == views), TOLD)
+    if perception not in (TOLD, own):
+        raise ConfigError(f"perception: expected {own}, as the resumed run has, got {perception}")
     return kept
 
 

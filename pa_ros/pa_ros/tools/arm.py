@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from functools import partial
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -205,8 +206,8 @@ class Arm:
             found = sender.wait(patience)
         finally:
             graph.call(sender.close)
-        reason = "" if found.satisfied else ENDED[found.ended][1]
-        return Result(program, found.satisfied, found.distance, found.reached_s, reason)
+        code, reason = ("", "") if found.satisfied else ENDED[found.ended]
+        return Result(program, found.satisfied, found.distance, found.reached_s, reason, code)
 
     def start(self, program: str, timeout: float | None = None, hold: float = HOLD_S) -> Goal:
         """Begin to execute a program as `execute` does, and return at once.
@@ -243,7 +244,7 @@ class Arm:
 
     def reset(self, episode: int | None = None, evaluation: bool = False) -> Scene:
         """Begin the next scene, or the scene of an episode, and return it."""
-        if episode is not None and (not isinstance(episode, int) or episode < 0):
+        if episode is not None and (not isinstance(episode, Integral) or episode < 0):
             raise ConfigError(f"reset: expected the number of an episode, got {episode!r}")
         began = self.graph.services.reset(ResetRequest(episode, "", evaluation))
 
@@ -291,11 +292,9 @@ class Arm:
     def move(self, block: int, x: float, y: float) -> None:
         """Put a block, by its number in `scene().blocks` (the first is 0), somewhere on the table
         (m)."""
-        places = self.scene().places
-        if not isinstance(block, int) or not 0 <= block < len(places):
-            text = f"move: expected one of {len(places)} blocks, got number {block!r}"
-            raise PaError(text, code="arena.service")
-        self.graph.services.move(places[block], float(x), float(y))
+        scene = self.scene()
+        places = None if scene.arena.world.schema.tells_words else scene.places
+        self.graph.services.move(block, float(x), float(y), places)
 
     def close(self) -> None:
         """Cancel the goal, leave the graph, and end what `simulated` started."""

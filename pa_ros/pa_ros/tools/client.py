@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -111,17 +112,24 @@ class ArenaClient:
         """Change the speed, times real time. Raises NoAnswerError, PaError if rejected."""
         self._call(SPEED[0], encode_speed(times))
 
-    def move(self, block: Float64, x: float, y: float) -> None:
-        """Put the block that is at a place ([3], m) elsewhere on the table (m). Cameras number
-        blocks in another order than the arena, so its place says which is meant.
+    def move(self, block: int, x: float, y: float, places: Float64 | None = None) -> None:
+        """Put a block, by its number, somewhere on the table (m). Raises NoAnswerError, PaError if
+        rejected.
 
-        Raises NoAnswerError, PaError if rejected.
+        :param places: [N, 3] m; cameras number blocks in an order of their own, so the block is
+            meant that is nearest to its place there. None: numbers are the arena's.
         """
         name, states = GET_ENTITIES_STATES
         names, positions = decode_places(self._answer(name, states.Request()))
-        nearest = 1 + int(np.linalg.norm(positions[1:] - block, axis=1).argmin())  # not the hand
+        there = positions[1:]  # without the hand
+        count = len(there if places is None else places)
+        if not isinstance(block, Integral) or not 0 <= block < count:
+            text = f"move: expected one of {count} blocks, got number {block!r}"
+            raise PaError(text, code="arena.service")
+        if places is not None:
+            block = int(np.linalg.norm(there - places[block], axis=1).argmin())
         place = Body.at_rest(np.array([x, y, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
-        request = encode_state_change(names[nearest], place)
+        request = encode_state_change(names[1 + block], place)
         self._call(SET_ENTITY_STATE[0], request)
 
     def _answer(self, name: str, request: Any) -> Any:

@@ -54,7 +54,7 @@ class ProgramSender:
     """
 
     def __init__(self, node: Node, spin: Spin, follow: bool = True) -> None:
-        """Without `follow` it does not read the arena's steps, and `wait` never returns."""
+        """Without `follow` it does not read the arena's steps, which `wait` needs."""
         self._node = node
         self._spin = spin
         self._since = time.monotonic()
@@ -93,7 +93,7 @@ class ProgramSender:
         hold are those of `ExecutionWatch`, for `wait`; by default as long as the goal is given.
         """
         self._program_id = program_id or f"send-{uuid.uuid4().hex[:16]}"
-        self.answers, self._execution = Answers(), None
+        self.answers, self._execution, self._stepped_ns = Answers(), None, -1
         window = window_s(text) if time_s is None else time_s
         self._watch = ExecutionWatch(self._program_id, window, hold_s)
         self._message = encode_program(ProgramRequest(self._program_id, text))

@@ -27,6 +27,7 @@ MARKERS = {"box": Marker.CUBE, "sphere": Marker.SPHERE, "cylinder": Marker.CYLIN
 OPTICAL_FRAME = "camera_optical_frame"
 LABEL_HEIGHT_M = 0.04  # of capital letters
 LABEL_ABOVE_M = 0.07  # a block's center
+SAME_M = 0.1  # from a marker to the object that it shows
 SHELL = 1.4  # size of a relevance marker, relative to its block
 UNIT = 0.9, 1.1  # accepted lengths of a unit quaternion
 
@@ -93,13 +94,14 @@ def encode_outlines(
     """Return a shell around each block of an arena's markers, as opaque as p; None without blocks.
 
     :param places: where the observed objects are, [N, 3] m. A camera sees them in another order.
-    :param relevance: p of each of them.
+    :param relevance: p of each of them; a block that is not among them has 0.
     """
     blocks = [marker for marker in markers.markers if marker.ns == "blocks"]
     for marker in blocks:
         marker.ns = "relevance"
         distances = np.linalg.norm(places - read_vector(marker.pose.position), axis=1)
-        p = relevance[distances.argmin()] if len(relevance) else 0.0
+        nearest = int(distances.argmin())
+        p = relevance[nearest] if len(relevance) and distances[nearest] < SAME_M else 0.0
         for name in "xyz":
             setattr(marker.scale, name, getattr(marker.scale, name) * SHELL)
         _color(marker, (1.0, 1.0, 1.0, 0.5 * p))
