@@ -14,7 +14,7 @@ from pa_ros.ros.executor import steady_timer
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription
 from pa_ros.wire.views import encode_outlines, encode_setpoint
-from pa_ros.world.poses import POSE_WIDTH, in_base
+from pa_ros.world.poses import places
 from pa_ros.world.velocity import VelocityRamp
 
 if TYPE_CHECKING:
@@ -112,8 +112,8 @@ class RelevanceMarkers:
             return
         step, goal = self._node.seen
         seen, p = step.observation, self._node.agent.relevance(step, goal)
-        places = in_base(seen.hand_pose, seen.objects[:, :POSE_WIDTH].astype(np.float64))[:, :3]
-        places[seen.hand_index] = np.inf  # it is no block
-        outlines = encode_outlines(message, places, p)
+        where = places(seen.hand_pose, seen.objects)
+        where[seen.hand_index] = np.inf  # it is no block
+        outlines = encode_outlines(message, where, p)
         if outlines is not None:  # none in an agent's own markers, which it receives, too
             self._out.publish(outlines)

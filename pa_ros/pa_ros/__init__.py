@@ -118,7 +118,7 @@ def train(
 def evaluate(
     agent: TrainedAgent, programs: Sequence[str], episodes: int = 20, condition: str = "eval"
 ) -> list[ProgramRow]:
-    """Success rate and reward per step of an agent (`load`) for each program, in fresh scenes.
+    """Success rate and reward per step of an agent for each program, in fresh scenes.
 
     Scenes are drawn from a condition; those in which a program names nothing are passed over.
     Raises ProgramError for a wrong program, ConfigError for one that names something too rarely.
@@ -194,6 +194,7 @@ class Arena:
         program or one that names no present object, ActingError for an agent of another arm or
         design.
         """
+        from pa_ros.acting.execution import ENDED
         from pa_ros.evaluation.agents import greedy
         from pa_ros.language import stages
 
@@ -206,8 +207,8 @@ class Arena:
             steps, satisfied = steps + 1, satisfied + 1 if self.verdict.satisfied else 0
         verdict = self.verdict
         if verdict.violated:
-            reason = "an object to be avoided was near"
-            return Result(text, False, verdict.distance, None, reason, "goal.violated")
+            code, reason = ENDED["violated"]
+            return Result(text, False, verdict.distance, None, reason, code)
         if satisfied < HOLD_STEPS:
             reason = f"not satisfied for {HOLD_STEPS} steps within {max_steps}"
             return Result(text, False, verdict.distance, None, reason, "goal.time_limit")

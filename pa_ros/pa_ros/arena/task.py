@@ -130,7 +130,7 @@ class GoalVerifier:
 
     def _pursue(self) -> None:
         self.program = self._watch.program
-        """The program that is to be pursued now."""
+        """The program of the goal that counts now."""
         self.pursued = self.verifier_of(self.program.relation_alone)
         """Its verifier, without what it avoids."""
 

@@ -43,7 +43,7 @@ class Entry:
         return done.text(self.text)
 
 
-ARENAS = ("sim_node", "robot_node")  # whose steps follow the program from its acceptance on
+ARENAS = ("sim_node", "robot_node")  # after they accept a program, their steps are under it
 
 
 class History:

@@ -83,8 +83,8 @@ def roles(
             return i == hand_index and expression == HAND
         return describes(expression, objects[i])
 
-    indices = range(len(objects))
-    bodies = [i == hand_index or {*bodiless}.isdisjoint(objects[i]) for i in indices]
+    indices, without = range(len(objects)), set(bodiless)
+    bodies = [i == hand_index or without.isdisjoint(objects[i]) for i in indices]
     moved = (bodies[i] and contains(program.moved, i) for i in indices)
     return tuple(moved), tuple(contains(program.target, i) for i in indices)
 

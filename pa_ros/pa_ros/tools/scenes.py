@@ -24,7 +24,7 @@ from pa_ros.tools.monitor import GraphFigures
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, decode_arena_info
 from pa_ros.wire.step import decode_step
-from pa_ros.world.poses import POSE_WIDTH, in_base
+from pa_ros.world.poses import places
 from pa_ros.world.relation import at_stage, measured
 
 MAX_SUGGESTIONS = 12
@@ -49,8 +49,7 @@ class Scene:
     def places(self) -> Float64:
         """Where the blocks are, [N - 1, 3] m in the base's frame."""
         seen = self.step.observation
-        others = np.delete(seen.objects, seen.hand_index, axis=0)
-        return in_base(seen.hand_pose, others[:, :POSE_WIDTH].astype(np.float64))[:, :3]
+        return np.delete(places(seen.hand_pose, seen.objects), seen.hand_index, axis=0)
 
     @property
     def episode(self) -> int:

@@ -33,6 +33,12 @@ def in_base(hand: Float64, poses: Float64) -> Float64:
     return result
 
 
+def places(hand: Float64, objects: Float32) -> Float64:
+    """Where objects are, [N, 3] m in the base's frame, from the hand's pose [7] and their features
+    [N, F]."""
+    return in_base(hand, objects[:, :POSE_WIDTH].astype(np.float64))[:, :3]
+
+
 def in_hand(hand: Float64, poses: Float64) -> Float64:
     """The inverse of `in_base`: poses [..., 7] in the frame of the hand, with qw >= 0."""
     hx, hy, hz, a, b, c, w = (hand[..., i] for i in range(POSE_WIDTH))
