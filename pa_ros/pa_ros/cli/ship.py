@@ -37,13 +37,12 @@ def run_card(run: Path, cache: Path) -> dict[str, object]:
 def run(options: argparse.Namespace) -> int:
     """Score the policy, then write it with its model card; prints the folder."""
     from pa_ros.core.files import write_whole
-    from pa_ros.evaluation.agents import trained
     from pa_ros.evaluation.cards import model_card
     from pa_ros.learning.checkpoints import check_ship_name, ship
 
     check_ship_name(options.name, options.replace)  # before it is scored
     card = run_card(options.run, SCORES)
-    folder = ship(trained(options.run), options.name, card, options.replace)
+    folder = ship(options.run, options.name, card, options.replace)
     write_whole(folder / "README.md", model_card(folder))
     print(folder)
     return 0

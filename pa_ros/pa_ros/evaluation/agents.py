@@ -17,9 +17,8 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64, Observation, PolicySnapshot
 from pa_ros.evaluation.evaluate import AgentPolicy, policy_of
 from pa_ros.language import MIN_MAX, Logic, Program, parse
-from pa_ros.learning.checkpoint_files import SHIPPED_PREFIX
+from pa_ros.learning.checkpoint_files import SHIPPED_PREFIX, find_checkpoint
 from pa_ros.learning.checkpoints import load_policy, read_metadata
-from pa_ros.learning.folder import checkpoint_of
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.parameters import initial_actor
 
@@ -89,7 +88,7 @@ def load_agent(
     Design, preset and arm are those of its training unless given. Raises ConfigError if neither
     says them.
     """
-    folder = trained(Path(path))
+    folder = find_checkpoint(Path(path))  # once: a running learner may replace the latest
     facts = read_metadata(folder)["extra"]
     given = {"design": design, "preset": preset, "arm": arm}
     named: dict[str, Any] = {name: value or facts.get(name) for name, value in given.items()}
@@ -107,12 +106,6 @@ def checkpoint_named(agent: str | Path) -> Path:
     text = str(agent)
     is_path = "/" in text or text.startswith(SHIPPED_PREFIX) or Path(agent).exists()
     return Path(agent) if is_path else Path(f"{SHIPPED_PREFIX}{agent}")
-
-
-def trained(out: Path) -> Path:
-    """The checkpoint folder: the given one, or the one inside a training run's folder."""
-    inner = checkpoint_of(out)
-    return inner if inner.is_dir() else out
 
 
 def greedy(snapshot: PolicySnapshot, arena: ArenaConfig, logic: Logic = MIN_MAX) -> AgentPolicy:

@@ -10,7 +10,7 @@ from typing import Any
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import read_json
 from pa_ros.core.text import Report
-from pa_ros.evaluation.agents import load_agent, trained
+from pa_ros.evaluation.agents import load_agent
 from pa_ros.evaluation.generalization import RANDOM_WEIGHTS
 from pa_ros.evaluation.generalization_figures import in_words
 from pa_ros.learning.checkpoints import read_metadata
@@ -26,7 +26,7 @@ def model_card(path: str | Path, report: Report | None = None) -> str:
     the scores are those that `pa_ros ship` measured. Raises ConfigError for a report of other
     weights, or if nothing was measured.
     """
-    agent, values = load_agent(path), read_metadata(trained(Path(path)))
+    agent, values = load_agent(path), read_metadata(Path(path))
     facts = values["extra"]
     if report is not None and report.get("eval.weights") != agent.digest:
         raise ConfigError(

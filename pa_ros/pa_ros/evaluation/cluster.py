@@ -21,7 +21,7 @@ from typing import Any, Protocol
 from pa_ros.core import extensions
 from pa_ros.core.errors import PaError
 from pa_ros.core.software import versions
-from pa_ros.evaluation.agents import load_agent, trained
+from pa_ros.evaluation.agents import load_agent
 from pa_ros.evaluation.experiments import Experiment, frames_saved, run_seed
 from pa_ros.evaluation.generalization import conditions_of, generalize
 from pa_ros.evaluation.seeds import SeedsProgress, check_failures, folder_of, progress_bar
@@ -301,7 +301,7 @@ class ScoreJob:
             return None
         files = dict[str, bytes]()
         for seed, run in self.runs.items():
-            checkpoint = find_checkpoint(trained(run))
+            checkpoint = find_checkpoint(run)
             files |= {f"{seed}/{name}": (checkpoint / name).read_bytes() for name in ACTING}
         # Scores that an interrupted study has computed are not computed again.
         kept = read_files(self.cache, self.cache.rglob(f"{self.name}.csv"))

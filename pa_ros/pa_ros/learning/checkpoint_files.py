@@ -47,9 +47,9 @@ def find_checkpoint(path: Path) -> Path:
         return SHIPPED / name
     if os.path.isfile(path / METADATA):
         return path
+    if (path / "checkpoint").is_dir():
+        path /= "checkpoint"
     named = latest_name(path)
-    if not named and (inner := latest_name(path / "checkpoint")):
-        path, named = path / "checkpoint", inner
     if not named or Path(named).name != named or not os.path.isfile(path / named / METADATA):
         raise CheckpointError(f"checkpoint: expected one at {path}, found none")
     return path / named
