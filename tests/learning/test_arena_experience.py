@@ -14,7 +14,7 @@ from pa_ros.arena import (
 )
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.loop import train
-from pa_ros.learning.relabeling.all_goals import Relabeler
+from pa_ros.learning.rules.all_goals import AllGoals
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Scoring
 
@@ -24,7 +24,7 @@ def test_relabeled_rewards_are_the_verifiers(design_name) -> None:
     """Each training program is set in turn at every step of scripted episodes."""
     design, arena = design_named(design_name), preset_named("fast")
     programs = training_programs(design)
-    relabeler = Relabeler(programs, world_of(arena, design), Scoring())
+    relabeler = AllGoals(programs, world_of(arena, design), Scoring())
     task = ReachTask(arena, design, seed=1)
     seen = set()
     for episode in range(3):

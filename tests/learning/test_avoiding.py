@@ -9,8 +9,8 @@ from helpers.worlds import NEAR_M, PROGRAMS, SCORING, WORLD, dpg, random_traject
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import Program, ProgramError, satisfying
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.relabeling.all_goals import AVOIDING as AVOIDING_SHARE
-from pa_ros.learning.relabeling.all_goals import KEPT
+from pa_ros.learning.rules.all_goals import AVOIDING as AVOIDING_SHARE
+from pa_ros.learning.rules.all_goals import KEPT
 from pa_ros.networks.config import NetworkConfig
 
 AVOIDING = replace(WORLD, vocabulary=WORLD.vocabulary.avoiding())

@@ -12,9 +12,9 @@ from pa_ros.core.update import HAND_INDEX
 from pa_ros.language import parse
 from pa_ros.learning.config import HindsightConfig
 from pa_ros.learning.errors import LearningError
-from pa_ros.learning.hindsight import Hindsight, Transitions
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.replay_buffer.buffer import ReplayBuffer
+from pa_ros.learning.rules.hindsight import Hindsight, Moved
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Scoring, Trajectory
 from pa_ros.world.measures import ProgramMeasures
@@ -25,9 +25,11 @@ from pa_ros.world.schema import ObjectSchema, PropertyGroup, Seen
 
 @pytest.fixture
 def replay() -> ReplayBuffer:
-    rng, replay = np.random.default_rng(0), ReplayBuffer(1000, PUSH)
+    rng, rule = np.random.default_rng(0), hindsight()
+    replay = ReplayBuffer(1000, PUSH, columns=rule.columns)
     for sequence in range(8):
-        replay.insert(pushed(rng, sequence, moves=sequence == 3), program=0)
+        trajectory = pushed(rng, sequence, moves=sequence == 3)
+        replay.insert(trajectory, 0, rule.describe(trajectory))
     return replay
 
 
@@ -35,7 +37,7 @@ def hindsight(**shares: float) -> Hindsight:
     return Hindsight(PROGRAMS, PUSH, Scoring(), HindsightConfig(**({"either": 0} | shares)))
 
 
-def places(drawn: Transitions) -> tuple[np.ndarray, np.ndarray]:
+def places(drawn: Moved) -> tuple[np.ndarray, np.ndarray]:
     """The place's positions in the base's frame, before and after, [B, 3] each."""
     after = position(drawn.next_arm, drawn.next_objects, PLACE)
     return position(drawn.arm, drawn.objects, PLACE), after
@@ -54,24 +56,24 @@ def test_rewards_are_the_verifiers_of_the_moved_places(replay: ReplayBuffer) -> 
         table.add(program)
     truth = PUSH.truth(drawn.next_objects[0]).T
     moved, named = crisp_roles(table.arrays(), table.roles(), truth, HAND_INDEX).swapaxes(0, 1)
-    for row, program in enumerate(drawn.program):
+    for row, program in enumerate(drawn.program[:, 0]):
         of_hand = made.programs[program].moves_hand
         score = Scoring()(named[program], drawn.next_objects[row], "NEAR",
                           moved=None if of_hand else moved[program])  # fmt: skip
-        assert drawn.reward[row] == score.reward
-    assert set(drawn.program) == set(range(len(made.programs)))
+        assert drawn.reward[row, 0] == score.reward
+    assert set(drawn.program[:, 0]) == set(range(len(made.programs)))
     texts = set(map(str, made.programs[len(PROGRAMS) :]))
     assert {"NEAR(OR(AND(RED, SPHERE), CUBE), PLACE)", "NEAR(HAND, OR(CUBE, PLACE))"} <= texts
-    assert {-1.0, 1.0} == set(drawn.reward)
+    assert {-1.0, 1.0} == set(drawn.reward[:, 0])
 
 
 def test_a_place_moves_to_where_the_moved_block_later_was(replay: ReplayBuffer) -> None:
     drawn = hindsight(moved=1, future=1, cross=0).draw(np.random.default_rng(1), replay, 300)
     about_cube = [i for i, text in enumerate(TEXTS) if "CUBE" in text]
-    assert set(drawn.program) == set(about_cube)  # nothing else moved
+    assert set(drawn.program[:, 0]) == set(about_cube)  # nothing else moved
     before, after = places(drawn)
     np.testing.assert_allclose(before, after, atol=1e-5)  # in the base's frame it rests
-    rows = np.flatnonzero(drawn.program == TEXTS.index("NEAR(CUBE, PLACE)"))
+    rows = np.flatnonzero(drawn.program[:, 0] == TEXTS.index("NEAR(CUBE, PLACE)"))
     cube = position(drawn.next_arm, drawn.next_objects, CUBE)
     ahead = (before - cube)[rows]  # the cube goes along x
     assert (ahead[:, 0] > -0.15).all() and (np.abs(ahead[:, 1]) < 0.15).all()
@@ -81,14 +83,14 @@ def test_a_place_moves_to_where_the_moved_block_later_was(replay: ReplayBuffer) 
 def test_a_place_may_move_to_where_another_block_was(replay: ReplayBuffer) -> None:
     drawn = hindsight(moved=1, future=1, cross=1).draw(np.random.default_rng(1), replay, 300)
     sphere = position(drawn.arm, drawn.objects, SPHERE)
-    rows = np.flatnonzero(drawn.program == TEXTS.index("NEAR(CUBE, PLACE)"))
+    rows = np.flatnonzero(drawn.program[:, 0] == TEXTS.index("NEAR(CUBE, PLACE)"))
     assert (np.linalg.norm(places(drawn)[0] - sphere, axis=-1)[rows] < 0.15).all()
 
 
 def test_programs_whose_targets_cannot_be_moved_afterwards_are_drawn_seldom(
     replay: ReplayBuffer,
 ) -> None:
-    drawn = hindsight(moved=1).draw(np.random.default_rng(1), replay, 1000).program.tolist()
+    drawn = hindsight(moved=1).draw(np.random.default_rng(1), replay, 1000).program[:, 0].tolist()
     to_place, to_block = (
         drawn.count(TEXTS.index(text)) for text in ("NEAR(CUBE, PLACE)", "NEAR(CUBE, SPHERE)")
     )
@@ -132,17 +134,18 @@ def as_seen(trajectory: Trajectory) -> Trajectory:
 def test_hindsight_draws_the_same_where_only_the_verifier_knows_the_words_of_blocks() -> None:
     drawn, given = [], (Scoring(), HindsightConfig())
     for world in (PUSH, SEEN):
-        rng, replay = np.random.default_rng(0), ReplayBuffer(1000, world)
-        made = Hindsight(ONE_EACH, world, *given)
+        rng, made = np.random.default_rng(0), Hindsight(ONE_EACH, world, *given)
+        replay = ReplayBuffer(1000, world, columns=made.columns)
         for sequence in range(8):
             trajectory = pushed(rng, sequence, moves=sequence == 3)
             if world is SEEN:
                 trajectory = as_seen(trajectory)
             replay.check(trajectory)
-            replay.insert(trajectory, 0, made.masks(trajectory))
+            replay.insert(trajectory, 0, made.describe(trajectory))
         drawn.append(made.draw(np.random.default_rng(1), replay, 500))
     told, seen = drawn
-    assert set(told.program) >= {0, 1, 3, 4, 5} and set(told.reward) == {-1.0, 1.0}
+    assert set(told.program[:, 0]) >= {0, 1, 3, 4, 5}
+    assert set(told.reward[:, 0]) == {-1.0, 1.0}
     for name in ("index", "program", "reward"):
         np.testing.assert_array_equal(getattr(told, name), getattr(seen, name))
     np.testing.assert_array_equal(told.next_objects[..., :7], seen.next_objects[..., :7])
@@ -152,7 +155,7 @@ def test_without_the_verifiers_measures_nothing_is_learned_of_what_is_seen() -> 
     trajectory = as_seen(pushed(np.random.default_rng(0), 0, moves=True))
     made = Hindsight(ONE_EACH, SEEN, Scoring(), HindsightConfig())
     with pytest.raises(LearningError, match="expected the verifier's measures of the 6 training"):
-        made.masks(replace(trajectory, measures=None))
+        made.describe(replace(trajectory, measures=None))
 
 
 def test_without_hindsight_scenes_stay_and_all_rows_are_drawn(replay: ReplayBuffer) -> None:
@@ -178,6 +181,8 @@ def test_a_learner_learns_by_hindsight(engine: str) -> None:
     for sequence in range(3):
         assert learner.consume(pushed(rng, sequence, moves=sequence == 1))
     assert learner.counters.updates == 3 * STEPS
-    restored = ReplayBuffer(settings.replay.capacity_frames, PUSH)
-    restored.restore(learner.replay.filled(), learner.replay.to_metadata())
-    np.testing.assert_array_equal(restored.moved_rows, learner.replay.moved_rows)
+    filled = learner.replay.filled()
+    restored = ReplayBuffer(settings.replay.capacity_frames, PUSH, columns=learner.rule.columns)
+    restored.restore(filled, learner.replay.to_metadata())
+    np.testing.assert_array_equal(restored.filled()["moved"], filled["moved"])
+    assert filled["moved"][STEPS + 1 : 2 * (STEPS + 1), CUBE].all()

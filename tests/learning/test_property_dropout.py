@@ -8,7 +8,8 @@ from pa_ros.core.experience import Float32
 from pa_ros.core.update import Batch
 from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.relabeling.property_dropout import PropertyDropout
+from pa_ros.learning.rules.dropout import PropertyDropout
+from pa_ros.learning.rules.own import OwnProgram
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world.programs import ProgramTable
 from pa_ros.world.schema import COLORS, PAPER, SHAPES, ObjectSchema, PropertyGroup, Seen
@@ -39,7 +40,7 @@ def hide(
     objects = np.stack([scene(*kinds)] * len(drawn))
     following = objects + (0.5 * (np.arange(16) < 7)).astype(np.float32)
     program = np.tile(np.array(rows, np.int32), (len(drawn), 1))
-    PropertyDropout(table, World(PAPER, ALL, joints=6), probability).hide(
+    PropertyDropout(OwnProgram(0.9), table, World(PAPER, ALL, joints=6), probability).hide(
         drawn, objects, following, program
     )
     assert (following[..., 7:] == objects[..., 7:]).all()
@@ -85,7 +86,7 @@ def test_a_shape_a_color_or_both_in_equal_parts(probability) -> None:
 def test_new_programs_of_the_table_count_too() -> None:
     table = ProgramTable(ALL)
     rows = [table.add(parse("NEAR(HAND, AND(RED, CUBE))", ALL))]
-    dropout = PropertyDropout(table, World(PAPER, ALL, joints=6), 1.0)
+    dropout = PropertyDropout(OwnProgram(0.9), table, World(PAPER, ALL, joints=6), 1.0)
     for text, hidden in (("AND(BLUE, CUBE)", 3), ("AND(GREEN, SPHERE)", 2)):
         objects = np.stack([scene(*BLOCKS)] * 5)
         rows[1:] = [table.add(parse(f"NEAR(HAND, {text})", ALL))]
@@ -134,7 +135,7 @@ def test_where_nothing_tells_words_objects_that_a_program_may_name_keep_their_fe
     objects = np.ones((400, 4, 16), np.float32)
     may_name = np.tile(np.array([0, 0b01, 0b10, 0b11], np.uint64), (400, 1))
     program = np.full((400, 1), rows[0], np.int32)
-    PropertyDropout(table, World(schema, ALL, joints=6), 0.5).hide(
+    PropertyDropout(OwnProgram(0.9), table, World(schema, ALL, joints=6), 0.5).hide(
         draws(400), objects, objects.copy(), program, may_name
     )
     hidden = (objects == 0).any((0, 2))

@@ -8,7 +8,7 @@ import pytest
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import Vocabulary, parse, satisfying
 from pa_ros.learning.errors import LearningError
-from pa_ros.learning.relabeling.all_goals import MAX_PROGRAMS, GoalMasks, Relabeler
+from pa_ros.learning.rules.all_goals import MAX_PROGRAMS, AllGoals, Masks
 from pa_ros.world import Scoring
 from pa_ros.world.measures import ProgramMeasures
 from pa_ros.world.schema import COLORS, PAPER, SHAPES, ObjectSchema, PropertyGroup, Seen
@@ -25,8 +25,8 @@ PROGRAMS = tuple(parse(text, WORDS) for text in TEXTS)
 NEAR_M = 0.3
 
 
-def relabeler() -> Relabeler:
-    return Relabeler(PROGRAMS, WORLD, Scoring({"NEAR": NEAR_M}))
+def relabeler() -> AllGoals:
+    return AllGoals(PROGRAMS, WORLD, Scoring({"NEAR": NEAR_M}))
 
 
 def episode(rng: np.random.Generator, steps: int, n: int, hand: int):
@@ -70,7 +70,7 @@ def test_masks_agree_with_the_verifier() -> None:
 def test_exactly_the_threshold_is_near_as_for_the_verifier(x: float, near: bool) -> None:
     objects, _ = episode(np.random.default_rng(0), 1, 2, 0)
     objects[:, 1, :3] = x, 0.0, 0.0
-    satisfied, present, *_ = Relabeler(PROGRAMS, WORLD, Scoring({"NEAR": 0.25})).masks(objects, 0)
+    satisfied, present, *_ = AllGoals(PROGRAMS, WORLD, Scoring({"NEAR": 0.25})).masks(objects, 0)
     assert present != 0
     assert satisfied.tolist() == [present if near else 0] * 2
 
@@ -88,8 +88,8 @@ def test_draws(k) -> None:
     original = np.array([2, 1, 7, 9], np.int32)
     reward = np.array([1.0, 1.0, -1.0, 1.0], np.float32)
     for _ in range(50):
-        masks = GoalMasks(bits(satisfied), bits(present))
-        program, rewards = relabeler().draw(rng, original, reward, masks, k)
+        masks = Masks(bits(satisfied), bits(present))
+        program, rewards = relabeler().choose(rng, original, reward, masks, k)
         assert program.shape == rewards.shape == (4, k)
         assert program.dtype == np.int32 and rewards.dtype == np.float32
         for b in range(3):
@@ -105,8 +105,8 @@ def test_draws(k) -> None:
 def test_draws_are_uniform_over_what_is_present() -> None:
     rng = np.random.default_rng(2)
     size = 30_000
-    masks = GoalMasks(bits([set()] * size), bits([{0, 3, 4}] * size))
-    program, _ = relabeler().draw(
+    masks = Masks(bits([set()] * size), bits([{0, 3, 4}] * size))
+    program, _ = relabeler().choose(
         rng, np.zeros(size, np.int32), -np.ones(size, np.float32), masks, 1
     )
     counts = np.bincount(program[:, 0], minlength=5)
@@ -122,10 +122,10 @@ def test_the_64th_program_has_its_bit() -> None:
     objects, _ = episode(np.random.default_rng(0), 1, 2, 0)
     objects[:, 1, 7:] = 0.0
     objects[:, 1, [7, 13]], objects[:, 1, :3] = 1.0, 0.1  # a blue cube, near
-    satisfied, present, *_ = Relabeler(programs, WORLD, Scoring({"NEAR": NEAR_M})).masks(objects, 0)
+    satisfied, present, *_ = AllGoals(programs, WORLD, Scoring({"NEAR": NEAR_M})).masks(objects, 0)
     assert present == int(satisfied[0]) == (2**64 - 2**15)
-    masks = GoalMasks(satisfied[:1], np.array([present], np.uint64))
-    drawn, rewards = Relabeler(programs, WORLD, Scoring({"NEAR": NEAR_M})).draw(
+    masks = Masks(satisfied[:1], np.array([present], np.uint64))
+    drawn, rewards = AllGoals(programs, WORLD, Scoring({"NEAR": NEAR_M})).choose(
         np.random.default_rng(0), np.zeros(1, np.int32), np.zeros(1, np.float32), masks, 49
     )
     assert sorted(drawn[0]) == list(range(15, 64)) and (rewards == 1.0).all()
@@ -134,7 +134,7 @@ def test_the_64th_program_has_its_bit() -> None:
 @pytest.mark.parametrize("count", [0, MAX_PROGRAMS + 1])
 def test_too_few_or_too_many_programs(count) -> None:
     with pytest.raises(ConfigError, match=f"got {count}"):
-        Relabeler([PROGRAMS[0]] * count, WORLD, Scoring({"NEAR": NEAR_M}))
+        AllGoals([PROGRAMS[0]] * count, WORLD, Scoring({"NEAR": NEAR_M}))
 
 
 UNTOLD = World(
@@ -150,7 +150,7 @@ UNTOLD = World(
 def test_published_measures_give_the_masks_that_told_properties_give() -> None:
     rng, scoring = np.random.default_rng(0), Scoring({"NEAR": NEAR_M})
     blind, measured = (
-        Relabeler(PROGRAMS, UNTOLD, scoring),
+        AllGoals(PROGRAMS, UNTOLD, scoring),
         ProgramMeasures(PROGRAMS, WORLD, scoring),
     )
     for trial in range(20):
@@ -174,4 +174,4 @@ def test_published_measures_give_the_masks_that_told_properties_give() -> None:
 def test_without_the_verifiers_measures_nothing_is_learned_of_what_is_seen(measures) -> None:
     objects, _ = episode(np.random.default_rng(0), 6, 3, 0)
     with pytest.raises(LearningError, match="expected the verifier's measures of the 12 training"):
-        Relabeler(PROGRAMS, UNTOLD, Scoring({"NEAR": NEAR_M})).masks(objects, 0, None, measures)
+        AllGoals(PROGRAMS, UNTOLD, Scoring({"NEAR": NEAR_M})).masks(objects, 0, None, measures)

@@ -12,8 +12,7 @@ from helpers.worlds import WORLD, random_trajectory
 from pa_ros.core.experience import AgentKey, Float32, TrajectoryKey
 from pa_ros.language import parse
 from pa_ros.learning.errors import LearningError
-from pa_ros.learning.relabeling.all_goals import GoalMasks
-from pa_ros.learning.replay_buffer.buffer import ReplayBuffer, hand_first
+from pa_ros.learning.replay_buffer.buffer import Column, ReplayBuffer, hand_first
 from pa_ros.learning.replay_buffer.ledger import Ledger
 from pa_ros.world.schema import ObjectSchema, PropertyGroup, Seen
 from pa_ros.world.world import World
@@ -87,13 +86,13 @@ def test_the_rings_last_row_is_drawn() -> None:
 
 def test_an_overwritten_row_leaves_nothing_behind() -> None:
     rng = np.random.default_rng(0)
-    replay = ReplayBuffer(7, WORLD)
-    ones = np.ones(6, np.uint64)
+    columns = {"satisfied": Column(np.uint64), "present": Column(np.uint64)}
+    replay, ones = ReplayBuffer(7, WORLD, columns=columns), np.ones(6, np.uint64)
     for sequence in range(4):  # each row is once the last of its trajectory, and once terminal
         ended = random_trajectory(rng, 1 + sequence % 2, sequence=sequence, terminated=True)
         rows = len(ended) + 1
-        replay.insert(ended, 1, GoalMasks(ones[:rows], ones[:rows]))
-    replay.insert(random_trajectory(rng, 5, sequence=9), 2)
+        replay.insert(ended, 1, {"satisfied": ones[:rows], "present": 1})
+    replay.insert(random_trajectory(rng, 5, sequence=9), 2, {"satisfied": 0 * ones, "present": 0})
     index = np.flatnonzero(replay.arrays["program"] == 2)
     assert len(index) == 6 and np.count_nonzero(replay.arrays["last"][index]) == 1
     for name in ("terminal", "satisfied", "present"):
@@ -214,7 +213,7 @@ def test_an_empty_buffer_has_no_samples() -> None:
 
 def test_the_hand_is_stored_first() -> None:
     objects = np.arange(2 * 4 * 16, dtype=np.float32).reshape(2, 4, 16)
-    np.testing.assert_array_equal(hand_first(objects, 2), objects[:, [2, 0, 1, 3]])
+    np.testing.assert_array_equal(hand_first(objects, 2, 1), objects[:, [2, 0, 1, 3]])
     replay = ReplayBuffer(10, WORLD)
     trajectory = random_trajectory(np.random.default_rng(0), 1, objects=objects, hand_index=2)
     replay.insert(trajectory, 0)
@@ -226,7 +225,9 @@ def test_scenes_of_a_camera_may_have_any_number_of_objects() -> None:
     group = PropertyGroup("shape", ("CUBE",), Seen(9))
     schema = ObjectSchema((group,))
     world, rng = World(schema, schema.vocabulary, joints=6), np.random.default_rng(0)
-    replay, program = ReplayBuffer(100, world), parse("NEAR(HAND, CUBE)", schema.vocabulary)
+    columns = {"may_name": Column(np.uint64, of_objects=True)}
+    replay = ReplayBuffer(100, world, columns=columns)
+    program = parse("NEAR(HAND, CUBE)", schema.vocabulary)
     for sequence, count in enumerate((3, 2, 4)):
         objects = rng.normal(size=(6, count, 16)).astype(np.float32)
         one = random_trajectory(
@@ -234,9 +235,8 @@ def test_scenes_of_a_camera_may_have_any_number_of_objects() -> None:
         )
         replay.check(one)
         bits = np.arange(count, dtype=np.uint64)
-        replay.insert(one, 0, GoalMasks(np.zeros(6, np.uint64), 0, None, bits))
+        replay.insert(one, 0, {"may_name": bits})
         stored = replay.filled()["objects"][6 * sequence :]
         assert (stored[:, :count] == objects).all() and (stored[:, count:] == objects[:, -1:]).all()
-    may_name = replay.may_name(np.array([0, 6, 12]))
-    assert may_name is not None
+    may_name = replay.arrays["may_name"][[0, 6, 12]]
     assert may_name.tolist() == [[0, 1, 2, 2], [0, 1, 1, 1], [0, 1, 2, 3]]

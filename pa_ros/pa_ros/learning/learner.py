@@ -11,31 +11,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, PolicySnapshot
 from pa_ros.core.update import Batch, Engine
 from pa_ros.language import Program
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.errors import DivergedError, LearningError
-from pa_ros.learning.hindsight import Hindsight
-from pa_ros.learning.relabeling.all_goals import GoalMasks, Int32, Relabeler
-from pa_ros.learning.relabeling.property_dropout import PropertyDropout
-from pa_ros.learning.replay_buffer.buffer import NO_GOALS, Int64, ReplayBuffer
+from pa_ros.learning.errors import DivergedError
+from pa_ros.learning.replay_buffer.buffer import Int64, ReplayBuffer
+from pa_ros.learning.rules.builder import make_rule
+from pa_ros.learning.rules.rule import Int32
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import not_finite
 from pa_ros.world import Scoring, Trajectory
-from pa_ros.world.poses import POSE_WIDTH
 from pa_ros.world.programs import ProgramTable
 
 LEARNER_STREAM = 2  # of default_rng([seed, stream])
 # If a trajectory is due at least so many updates, the state is saved before them, to return to it
 # if they diverge, and all of it is checked afterwards. That costs about as much as one update.
 SAVED_BEFORE = 80
-# Value of a violated program, as a share of that of never being rewarded. At 1 agents keep so far
-# away from what they avoid that they don't reach targets beside it.
-VIOLATED = 0.5
 
 
 @dataclass
@@ -61,8 +55,8 @@ class _Saved:
 class Learner:
     """Learns from trajectories and publishes policies; one seed and one order, one result.
 
-    Relabeling draws from `training_programs`; programs of trajectories join the table as they
-    arrive.
+    The learning rule draws from `training_programs`; programs of trajectories join the table as
+    they arrive.
     """
 
     def __init__(
@@ -88,40 +82,12 @@ class Learner:
         self.counters = Counters()
         self.rng = np.random.default_rng([seed, LEARNER_STREAM])
         self.table = ProgramTable(network.vocabulary)
-        for program in training_programs:
+        self.rule = make_rule(network, config, training_programs, self.scoring, self.table)
+        for program in (*training_programs, *self.rule.programs):
             self._row(program)
-        self._relabeler, self._hindsight = None, None
-        if config.relabeling.rule == "all-goals":
-            asked = training_programs, network.world, self.scoring
-            words, count = network.vocabulary, config.relabeling.programs_per_transition
-            if (words.moves_objects or words.avoids) and count > 1:
-                raise ConfigError(
-                    "learner.relabeling.programs_per_transition: expected 1 where programs "
-                    f"move objects or avoid them, got {count}"
-                )
-            if words.moves_objects:
-                self._hindsight = Hindsight(*asked, config.hindsight)
-                for program in self._hindsight.programs:
-                    self._row(program)
-            else:
-                self._relabeler = Relabeler(*asked)
-                for program in self._relabeler.programs:
-                    self._row(program)
-        self._dropout = None
-        if config.relabeling.property_dropout and not (
-            network.world.schema.tells_words or self._relabeler
-        ):
-            raise ConfigError(
-                "learner.relabeling.property_dropout: expected 0 without relabeling where "
-                "properties are seen, since it is not known which objects a program names, got "
-                f"{config.relabeling.property_dropout}"
-            )
-        if config.relabeling.property_dropout and family_of(network).evaluates_programs:
-            self._dropout = PropertyDropout(
-                self.table, network.world, config.relabeling.property_dropout
-            )
-        goals = self._relabeler.rewards_kept if self._relabeler else 0
-        self.replay = ReplayBuffer(config.replay.capacity_frames, network.world, n_objects, goals)
+        self.replay = ReplayBuffer(
+            config.replay.capacity_frames, network.world, n_objects, self.rule.columns
+        )
         make_engine = ALGORITHMS[config.ALGORITHM].make_engine
         self.engine: Engine = make_engine(network, config, self.table, self.rng)
         if attach := getattr(self.engine, "attach", None):
@@ -144,18 +110,10 @@ class Learner:
         # The learner's door: from here on the trajectory is trusted.
         self.replay.check(trajectory)
         program = self._row(trajectory.program)
-        goals = NO_GOALS
-        if self._relabeler is not None:
-            seen, hand_pose = trajectory.objects, trajectory.arm[:, -POSE_WIDTH:]
-            goals = self._relabeler.masks(
-                seen, trajectory.hand_index, hand_pose, trajectory.measures
-            )
-        elif self._hindsight is not None:
-            goals = self._hindsight.masks(trajectory)
-        self.replay.insert(trajectory, program, goals)
+        self.replay.insert(trajectory, program, self.rule.describe(trajectory))
         before = replace(self.counters)
         self.counters.frames += len(trajectory)
-        updates = self._updates_due(len(trajectory))
+        updates = self._count_due(len(trajectory))
         saved = None
         if updates >= SAVED_BEFORE:
             saved = _Saved(before, self.rng.bit_generator.state, self.engine.tensors())
@@ -205,66 +163,17 @@ class Learner:
         All rows are drawn at once, since the replay buffer does not change meanwhile, and one large
         draw is much cheaper than many small ones.
         """
-        size = self.config.replay.batch_size
         if updates == 0:
             return
-        drawn = None
-        if self._hindsight is not None:
-            drawn = self._hindsight.draw(self.rng, self.replay, updates * size)
-            index, program, reward = drawn.index, drawn.program[:, None], drawn.reward[:, None]
-        else:
-            index = self.replay.sample(self.rng, updates * size)
-            program, reward = self._programs(index, self.replay.following(index))
-        following = self.replay.following(index)
-        # An episode that was cut off by its time limit is not terminal: what would have followed
-        # still has a value.
-        terminal = self.replay.arrays["terminal"][index]
-        discount = np.where(terminal, 0.0, self.config.updates.discount).astype(np.float32)
-        if self.network.vocabulary.avoids and self._relabeler is not None:
-            # A violated program cannot hold any more, so nothing is bootstrapped.
-            masks = self._masks(index, following)
-            lost = self._relabeler.violated(program, masks)[:, 0]
-            discount[lost] = 0.0
-            never = self._relabeler.worst / (1.0 - self.config.updates.discount)
-            reward = np.where(lost[:, None], np.float32(VIOLATED * never), reward)
-        # These numbers decide which properties of which block are hidden, [rows, 2].
-        hidden = None if self._dropout is None else self.rng.random((len(index), 2), np.float32)
+        size = self.config.replay.batch_size
+        drawn = self.rule.draw(self.rng, self.replay, updates * size)
         for first in range(0, updates * size, size):
-            part = slice(first, first + size)
-            rows = index[part], following[part]
-            objects, arm, next_objects, next_arm = (
-                self._scenes(*rows) if drawn is None else drawn.scenes(part)
-            )
-            if self._dropout and hidden is not None:
-                may_name = self.replay.may_name(rows[0])
-                self._dropout.hide(hidden[part], objects, next_objects, program[part], may_name)
-            yield Batch(
-                objects=objects,
-                arm=arm,
-                action=self.replay.arrays["action"].take(rows[0], 0),
-                next_objects=next_objects,
-                next_arm=next_arm,
-                program=program[part],
-                reward=reward[part],
-                discount=discount[part],
-                rows=rows[0],
-            )
+            yield drawn.batch(slice(first, first + size))
 
     def rewards(self, rows: Int64, program: Int32) -> Float32:
         """Rewards [B, K] of the replay buffer's transitions `rows` [B], under programs [B, K] of a
-        batch.
-
-        Raises LearningError where programs move objects: hindsight moves the places of a
-        transition, and its reward is true of that alone.
-        """
-        if self._hindsight is not None:
-            raise LearningError("rewards: expected programs that move the hand alone")
-        following = self.replay.following(rows)
-        own = np.repeat(self.replay.arrays["reward"][rows, None], program.shape[1], 1)
-        if self._relabeler is None:
-            return own
-        acted = program == self.replay.arrays["program"][rows, None]
-        return np.where(acted, own, self._relabeler.rewards(program, self._masks(rows, following)))
+        batch; LearningError if the rule cannot say them."""
+        return self.rule.rewards(self.replay, rows, program)
 
     def snapshot(self) -> PolicySnapshot:
         """The newest published weights."""
@@ -299,37 +208,11 @@ class Learner:
             tensors=self.engine.actor_tensors(),
         )
 
-    def _updates_due(self, frames: int) -> int:
-        """Updates due for `frames` more transitions; fractions are carried over."""
+    def _count_due(self, frames: int) -> int:
+        """Count `frames` more transitions; returns how many updates are due for them."""
         if self.counters.frames > self.config.replay.warmup_frames:
             self.counters.frames_due += frames
         # Counted from the beginning, so that fractions carry over. 1e-9 keeps a product such as
         # 0.29 × 100, which is 28.999…, from costing an update.
         total = self.counters.frames_due * self.config.updates.per_frame
         return math.floor(total + 1e-9) - self.counters.updates
-
-    def _programs(self, index: Int64, following: Int64) -> tuple[Int32, Float32]:
-        """Programs [B, K] and their rewards [B, K] for rows [B]."""
-        arrays = self.replay.arrays
-        program, reward = arrays["program"][index], arrays["reward"][index]
-        if self._relabeler is None:
-            program, reward = program[:, None], reward[:, None]
-        else:
-            masks = self._masks(index, following)
-            k = self.config.relabeling.programs_per_transition
-            program, reward = self._relabeler.draw(self.rng, program, reward, masks, k)
-        return np.ascontiguousarray(program), np.ascontiguousarray(reward)
-
-    def _masks(self, index: Int64, following: Int64) -> GoalMasks:
-        """The stored masks: a transition is rewarded for the state that it leads to."""
-        arrays = self.replay.arrays
-        rewards = arrays["goal_reward"][following] if "goal_reward" in arrays else None
-        return GoalMasks(arrays["satisfied"][following], arrays["present"][index], rewards)
-
-    def _scenes(self, index: Int64, following: Int64) -> tuple[Float32, Float32, Float32, Float32]:
-        """Objects and arm of rows, and of those that follow them. For so few rows `take` costs half
-        of what indexing costs."""
-        objects, arm = self.replay.arrays["objects"], self.replay.arrays["arm"]
-        before = objects.take(index, 0), arm.take(index, 0)
-        after = objects.take(following, 0), arm.take(following, 0)
-        return *before, *after

@@ -2,30 +2,34 @@
 
 One row per observation. The transition of row r leads to the next row of the ring, unless row r is
 the last of its trajectory. Five objects take about 0.42 KB per row; memory is used as rows fill.
+The learning rule (`pa_ros.learning.rules`) declares further columns, and fills them.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.core.update import HAND_INDEX
 from pa_ros.learning.errors import LearningError
-from pa_ros.learning.relabeling.all_goals import GoalMasks
-from pa_ros.learning.relabeling.kinds import Kinds
 from pa_ros.learning.replay_buffer.ledger import Ledger
 from pa_ros.world import Trajectory
-from pa_ros.world.poses import POSE_WIDTH, in_base
 from pa_ros.world.world import World
 
 # Bounds of absolute values. Metres, rad/s and one-hots of any arena are far below, and an update
 # with such numbers stays finite.
 LARGEST = {"objects": 1e4, "arm": 1e4, "actions": 1.0, "rewards": 1e6}
-MOVED_M = 0.02  # a block that went farther than this in a trajectory has moved
 Int64 = NDArray[np.int64]
-NO_GOALS = GoalMasks(np.zeros((), np.uint64), 0)
+
+
+class Column(NamedTuple):
+    """What is stored of each row: numbers [*shape], or [N, *shape] with `of_objects`."""
+
+    dtype: Any
+    shape: tuple[int, ...] = ()
+    of_objects: bool = False
 
 
 class ReplayBuffer:
@@ -41,20 +45,26 @@ class ReplayBuffer:
         capacity: int,
         world: World,
         n_objects: int | None = None,
-        goals: int = 0,
+        columns: Mapping[str, Column] | None = None,
     ) -> None:
-        """`goals`: number of relabeling programs whose rewards are stored in every row."""
-        self.capacity, self._goals = capacity, goals
-        self.world = world
+        """`columns`: what the learning rule stores, by name."""
+        self.capacity, self.world = capacity, world
         self.ledger = Ledger()
         self.rows = 0  # filled
         self.head = 0  # next row to be written
         self.arrays: dict[str, NDArray[Any]] = {}
-        self._moves = world.vocabulary.moves_objects
+        self.columns = {
+            "objects": Column(np.float32, (world.object_features,), of_objects=True),
+            "arm": Column(np.float32, (world.arm_features,)),
+            "action": Column(np.float32, (world.actions,)),
+            "reward": Column(np.float32),
+            "program": Column(np.int32),
+            "last": Column(np.bool_),  # last row of its trajectory: no transition starts here
+            "terminal": Column(np.bool_),  # its transition ends the task, not just the time
+            **(columns or {}),
+        }
         self._n_is_known = world.schema.tells_words
         """Whether every scene has the same number of objects."""
-        self._kinds = Kinds(world) if self._moves and self._n_is_known else None
-        self._moved_rows: Int64 | None = None  # until the next insertion
         if n_objects is not None:
             self._allocate(n_objects)
 
@@ -96,11 +106,14 @@ class ReplayBuffer:
                     code="learning.out_of_bounds",
                 )
 
-    def insert(self, trajectory: Trajectory, program: int, goals: GoalMasks = NO_GOALS) -> None:
+    def insert(
+        self, trajectory: Trajectory, program: int, described: Mapping[str, Any] | None = None
+    ) -> None:
         """Store a new trajectory that `check` accepts.
 
-        `program` is the row of its program in the learner's table, `goals` the relabeler's masks
-        of its T + 1 rows.
+        `program` is the row of its program in the learner's table, `described` what the rule's
+        columns say of its T + 1 rows: arrays [T + 1, ...], or without the first axis what is the
+        same in all rows. Objects are in the trajectory's order.
         """
         self.ledger.record(trajectory.key, trajectory.held_from, trajectory.first_of_run)
         n_objects = trajectory.objects.shape[1]
@@ -108,13 +121,12 @@ class ReplayBuffer:
             self._allocate(n_objects)
         elif n_objects > self.arrays["objects"].shape[1]:
             self._grow(n_objects)
-        n_objects = self.arrays["objects"].shape[1]
         # The ring overwrites the oldest rows. What stays of an older trajectory is still valid,
         # since a transition needs only the next row.
         index = (self.head + np.arange(len(trajectory) + 1)) % self.capacity
         arrays, last = self.arrays, index[-1]
-        objects = hand_first(trajectory.objects, trajectory.hand_index)
-        arrays["objects"][index] = _repeated(objects, n_objects)
+        for name, values in {"objects": trajectory.objects, **(described or {})}.items():
+            arrays[name][index] = self._ordered(name, np.asarray(values), trajectory.hand_index)
         arrays["arm"][index] = trajectory.arm
         arrays["action"][index[:-1]] = trajectory.actions
         arrays["reward"][index[:-1]] = trajectory.rewards
@@ -124,22 +136,6 @@ class ReplayBuffer:
         arrays["last"][index] = False
         arrays["last"][last] = True
         arrays["action"][last] = arrays["reward"][last] = 0.0
-        arrays["satisfied"][index], arrays["present"][index] = goals.satisfied, goals.present
-        if goals.rewards is not None:
-            arrays["goal_reward"][index] = goals.rewards
-        if goals.may_name is not None:
-            may_name = hand_first(goals.may_name[:, None], trajectory.hand_index)
-            arrays["may_name"][index] = _repeated(may_name, n_objects)[:, 0]
-        if goals.sets is not None:
-            sets = hand_first(goals.sets, trajectory.hand_index)
-            arrays["sets"][index] = _repeated(sets, n_objects)
-            arrays["body"][index] = self.world.schema.bodies(arrays["objects"][index[0]])
-        if self._moves:
-            if self._kinds is not None:
-                arrays["kind"][index] = self._kinds.of(arrays["objects"][index])
-            arrays["left"][index] = np.arange(len(trajectory), -1, -1)
-            arrays["moved"][index] = moved_objects(arrays["objects"][index], trajectory.arm)
-            self._moved_rows = None
         self.head = int(last + 1) % self.capacity
         self.rows = max(self.rows, min(self.capacity, int(index.max()) + 1))
 
@@ -156,23 +152,9 @@ class ReplayBuffer:
             index[again] = rng.integers(self.rows, size=again.size)
         return index
 
-    def may_name(self, index: Int64) -> NDArray[np.uint64] | None:
-        """Bits of the relabeling programs that may name each object of rows, [B, N]; None where
-        features tell it."""
-        stored = self.arrays.get("may_name")
-        return None if stored is None else stored[index]
-
     def following(self, index: Int64) -> Int64:
         """Row that the transition of each row leads to."""
         return (index + 1) % self.capacity
-
-    @property
-    def moved_rows(self) -> Int64:
-        """Rows of transitions from trajectories in which a block moved."""
-        if self._moved_rows is None:
-            moved = self.arrays["moved"][: self.rows].any(-1)
-            self._moved_rows = np.flatnonzero(moved & ~self.arrays["last"][: self.rows])
-        return self._moved_rows
 
     def filled(self) -> dict[str, NDArray[Any]]:
         """Views of the rows in use; with `to_metadata`, everything to save."""
@@ -191,72 +173,46 @@ class ReplayBuffer:
                 array[: self.rows] = arrays[name]
         self.ledger = Ledger.from_metadata(values["ledger"])
 
+    def _ordered(self, name: str, values: NDArray[Any], hand_index: int) -> NDArray[Any]:
+        """A column's values with the hand as the first of as many objects as are stored."""
+        column = self.columns[name]
+        if not column.of_objects:
+            return values
+        axis = values.ndim - 1 - len(column.shape)
+        values = hand_first(values, hand_index, axis)
+        return _repeated(values, self.arrays["objects"].shape[1], axis)
+
     def _grow(self, n_objects: int) -> None:
         """Store scenes of so many objects from now on."""
         filled = self.filled()
         self._allocate(n_objects)
         for name, old in filled.items():
-            new = self.arrays[name][: self.rows]
-            if name in ("objects", "sets"):
-                new[:] = _repeated(old, n_objects)
-            elif name in ("may_name", "moved", "body"):
-                new[:] = _repeated(old[..., None], n_objects)[..., 0]
-            else:
-                new[:] = old
+            of_objects = self.columns[name].of_objects
+            self.arrays[name][: self.rows] = _repeated(old, n_objects, 1) if of_objects else old
 
     def _allocate(self, n_objects: int) -> None:
-        shapes: dict[str, tuple[tuple[int, ...], Any]] = {
-            "objects": ((n_objects, self.world.object_features), np.float32),
-            "arm": ((self.world.arm_features,), np.float32),
-            "action": ((self.world.actions,), np.float32),
-            "reward": ((), np.float32),
-            "program": ((), np.int32),
-            "last": ((), np.bool_),  # last row of its trajectory: no transition starts here
-            "terminal": ((), np.bool_),  # its transition ends the task, not just the time
-            "satisfied": ((), np.uint64),  # bit j: relabeling program j is satisfied at this row
-            "present": ((), np.uint64),  # bit j: program j names an object of the scene
-        }
-        if self._moves:
-            shapes["left"] = (), np.int32  # transitions from this row to the trajectory's end
-            if self._kinds is not None:
-                shapes["kind"] = (n_objects,), np.int16  # see relabeling.kinds
-            else:  # bit j: the first, the second set of program j may contain the object
-                shapes["sets"] = (n_objects, 2), np.uint64
-                shapes["body"] = (n_objects,), np.bool_
-            shapes["moved"] = (n_objects,), np.bool_  # which blocks moved in its trajectory
-        elif not self.world.schema.tells_words:
-            shapes["may_name"] = (n_objects,), np.uint64  # bit j: program j may name the object
-        if self._goals:
-            shapes["goal_reward"] = (self._goals,), np.float32  # of program j, at this row
         try:
-            arrays = {k: np.zeros((self.capacity, *s), dtype) for k, (s, dtype) in shapes.items()}
+            self.arrays = {
+                name: np.zeros((self.capacity, *[n_objects] * of_objects, *shape), dtype)
+                for name, (dtype, shape, of_objects) in self.columns.items()
+            }
         except MemoryError as error:
             raise LearningError(
                 f"replay: expected memory for {self.capacity} frames of {n_objects} objects "
                 f"(capacity_frames), got none: {error}",
                 code="learning.size",
             ) from error
-        self.arrays = arrays
 
 
-def moved_objects(objects: NDArray[np.float32], arm: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Which objects [T + 1, N, F] are elsewhere at the end, the hand not counted: [N]."""
-    hand, poses = arm[[0, -1], None, -POSE_WIDTH:], objects[[0, -1], :, :POSE_WIDTH]
-    first, last = in_base(hand.astype(np.float64), poses.astype(np.float64))[..., :3]
-    moved: NDArray[np.bool_] = np.linalg.norm(last - first, axis=-1) > MOVED_M
-    moved[HAND_INDEX] = False
-    return moved
+def _repeated(values: NDArray[Any], count: int, axis: int) -> NDArray[Any]:
+    """`count` objects on an axis with fewer or as many: the last one is repeated."""
+    there = values.shape[axis]
+    return values if there == count else values.take(np.minimum(np.arange(count), there - 1), axis)
 
 
-def _repeated(objects: NDArray[Any], count: int) -> NDArray[Any]:
-    """`count` objects on axis -2, of which there are fewer: the last one is repeated."""
-    which = np.minimum(np.arange(count), objects.shape[-2] - 1)
-    return objects if objects.shape[-2] == count else objects[..., which, :]
-
-
-def hand_first(objects: NDArray[Any], hand_index: int) -> NDArray[Any]:
-    """Move the hand to index 0 of axis -2, keeping the order of the others."""
+def hand_first(values: NDArray[Any], hand_index: int, axis: int) -> NDArray[Any]:
+    """Move the hand to index 0 of an axis of objects, keeping the order of the others."""
     if hand_index == 0:
-        return objects
-    others = [i for i in range(objects.shape[-2]) if i != hand_index]
-    return objects[..., [hand_index, *others], :]
+        return values
+    others = [i for i in range(values.shape[axis]) if i != hand_index]
+    return values.take([hand_index, *others], axis)

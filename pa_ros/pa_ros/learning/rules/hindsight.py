@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +20,12 @@ from pa_ros.core.experience import Float32, Float64
 from pa_ros.core.update import HAND_INDEX
 from pa_ros.language import Or, Program
 from pa_ros.learning.config import HindsightConfig
-from pa_ros.learning.relabeling.all_goals import GoalMasks, published
-from pa_ros.learning.relabeling.kinds import Kinds
-from pa_ros.learning.relabeling.seen_sets import SeenSets
-from pa_ros.learning.replay_buffer.buffer import NO_GOALS, Int64, ReplayBuffer
+from pa_ros.learning.errors import LearningError
+from pa_ros.learning.replay_buffer.buffer import Column, Int64, ReplayBuffer
+from pa_ros.learning.rules.all_goals import published
+from pa_ros.learning.rules.kinds import Kinds
+from pa_ros.learning.rules.rule import Drawn, Int32, Rule, Scenes
+from pa_ros.learning.rules.seen import SeenSets
 from pa_ros.world import Scoring, Trajectory
 from pa_ros.world.poses import POSE_WIDTH, in_base, in_hand
 from pa_ros.world.programs import ProgramTable
@@ -32,26 +35,24 @@ Bools = NDArray[np.bool_]
 Bits = NDArray[np.uint8]  # eight programs in each, the first one in the lowest bit
 
 RARITY = 8.0  # beside one other program, one whose target has a body is drawn once in nine times
+MOVED_M = 0.02  # a block that went farther than this in a trajectory has moved
 
 
-class Transitions:
-    """Drawn transitions [B] as the engine takes them, each under one program."""
+class Moved(Drawn):
+    """Drawn transitions whose places may be elsewhere than they were."""
 
-    def __init__(self, replay: ReplayBuffer, index: Int64) -> None:
-        arrays, following = replay.arrays, replay.following(index)
-        self.index = index
-        objects, arm = arrays["objects"], arrays["arm"]
-        self.objects, self.next_objects = objects.take(index, 0), objects.take(following, 0)
-        self.arm, self.next_arm = arm.take(index, 0), arm.take(following, 0)
-        self.program: NDArray[np.int32] = arrays["program"][index]
-        self.reward: Float32 = arrays["reward"][index]
+    def __init__(self, replay: ReplayBuffer, index: Int64, discount: Float32) -> None:
+        arrays = replay.arrays
+        program, reward = arrays["program"][index], arrays["reward"][index]
+        super().__init__(replay, index, program[:, None], reward[:, None], discount)
+        scenes = super().scenes(slice(None))
+        self.objects, self.arm, self.next_objects, self.next_arm = scenes
 
-    def scenes(self, part: slice) -> tuple[Float32, Float32, Float32, Float32]:
-        """Objects and arm of some of them, before and after."""
+    def scenes(self, part: slice) -> Scenes:
         return self.objects[part], self.arm[part], self.next_objects[part], self.next_arm[part]
 
 
-class Hindsight:
+class Hindsight(Rule):
     """Draws transitions with one of P programs each: the training programs, then those in which one
     argument is an OR of two of theirs."""
 
@@ -61,7 +62,9 @@ class Hindsight:
         world: World,
         scoring: Scoring,
         config: HindsightConfig,
+        discount: float = 0.0,
     ) -> None:
+        super().__init__(discount)
         joined = {
             (i, j): either
             for i, j in combinations(range(len(programs)), 2)
@@ -86,23 +89,37 @@ class Hindsight:
         # program that names it. Agents did not learn where these were drawn as often as others.
         to_place = (sets[:, 1] & ~self._body).any(-1)
         self._rare = ~to_place & ~self._hand_moves[: len(programs)]  # [P]
-
-    def masks(self, trajectory: Trajectory) -> GoalMasks:
-        """What a replay buffer must store of a trajectory where objects are seen; LearningError
-        (learning.unjudged) without the verifier's measures."""
+        self._kinds = kinds
+        self.columns = {
+            "left": Column(np.int32),  # transitions from this row to the trajectory's end
+            "moved": Column(np.bool_, of_objects=True),  # which blocks moved in its trajectory
+        }
         if self._seen is None:
-            return NO_GOALS
+            self.columns["kind"] = Column(np.int16, of_objects=True)  # see rules.kinds
+        else:  # bit j: the first, the second set of program j may contain the object
+            self.columns["sets"] = Column(np.uint64, (2,), of_objects=True)
+            self.columns["body"] = Column(np.bool_, of_objects=True)
+
+    def describe(self, trajectory: Trajectory) -> dict[str, Any]:
+        described = {
+            "left": np.arange(len(trajectory), -1, -1),
+            "moved": moved_objects(trajectory),
+        }
+        if self._seen is None:
+            return {**described, "kind": self._kinds.of(trajectory.objects)}
         measures = published(trajectory.measures, len(trajectory) + 1, self._count)
         poses = trajectory.arm[:, -POSE_WIDTH:]
         sets = self._seen(trajectory.objects, trajectory.hand_index, poses, measures)
         bits = np.uint64(1) << np.arange(len(sets), dtype=np.uint64)
-        return NO_GOALS._replace(sets=np.einsum("psn,p->ns", sets.astype(np.uint64), bits))
+        described["sets"] = np.einsum("psn,p->ns", sets.astype(np.uint64), bits)
+        described["body"] = self._world.schema.bodies(trajectory.objects[0])
+        return described
 
-    def draw(self, rng: np.random.Generator, replay: ReplayBuffer, size: int) -> Transitions:
+    def draw(self, rng: np.random.Generator, replay: ReplayBuffer, size: int) -> Moved:
         """Draw transitions, programs and places. A transition whose scene none of the programs fits
         keeps its own program and reward."""
         index, block = self._rows(rng, replay, size)
-        drawn = Transitions(replay, index)
+        drawn = Moved(replay, index, self.discounts(replay, index))
         every = np.arange(size)
         sets, bodies = self._sets_of(replay, index)
         named, of_block = np.bitwise_or.reduce(sets, 2), sets[:, :, block, every]  # [P / 8, 2, B]
@@ -122,11 +139,15 @@ class Hindsight:
         chosen[rows] |= _of_program(sets, other, rows)
         program[rows] = self._joined[program[rows], other]
         self._move_places(rng, replay, drawn, chosen, bodies, block)
-        known = fits.any(-1)
+        known = fits.any(-1, keepdims=True)
         reward = self._reward(drawn, program, chosen)
-        drawn.program = np.where(known, program, drawn.program)
-        drawn.reward = np.where(known, reward, drawn.reward)
+        drawn.program = np.where(known, program[:, None], drawn.program)
+        drawn.reward = np.where(known, reward[:, None], drawn.reward)
         return drawn
+
+    def rewards(self, replay: ReplayBuffer, rows: Int64, program: Int32) -> Float32:
+        """Raises LearningError: a reward is true of a transition with its moved places alone."""
+        raise LearningError("rewards: expected a rule that leaves places where they were")
 
     def _rows(
         self, rng: np.random.Generator, replay: ReplayBuffer, size: int
@@ -134,7 +155,8 @@ class Hindsight:
         """Rows [B], and for each the block that moved which its program must be about, or the hand
         if any program will do."""
         index, block = replay.sample(rng, size), np.full(size, HAND_INDEX)
-        moved = replay.moved_rows
+        filled = replay.filled()
+        moved = np.flatnonzero(filled["moved"].any(-1) & ~filled["last"])
         if len(moved):
             about_moved = np.flatnonzero(rng.random(size) < self._config.moved)
             index[about_moved] = moved[rng.integers(len(moved), size=len(about_moved))]
@@ -165,7 +187,7 @@ class Hindsight:
         self,
         rng: np.random.Generator,
         replay: ReplayBuffer,
-        drawn: Transitions,
+        drawn: Moved,
         sets: Bools,
         bodies: Bools,
         moved: Int64,
@@ -202,7 +224,7 @@ class Hindsight:
         drawn.objects[rows, place, :POSE_WIDTH] = in_hand(hand, pose)
         drawn.next_objects[rows, place, :POSE_WIDTH] = in_hand(next_hand, pose)
 
-    def _reward(self, drawn: Transitions, program: NDArray[np.int32], sets: Bools) -> Float32:
+    def _reward(self, drawn: Moved, program: Int32, sets: Bools) -> Float32:
         """Rewards [B] by the verifier's rule, of programs with their sets [B, 2, N]."""
         size, _, n_objects = sets.shape
         reward, nearest = np.zeros(size, np.float32), np.full(size, np.inf)
@@ -224,13 +246,23 @@ class Hindsight:
         return reward
 
 
-def _of_program(sets: Bits, program: NDArray[np.int32], rows: Int64) -> Bools:
+def moved_objects(trajectory: Trajectory) -> Bools:
+    """Which objects are elsewhere at a trajectory's end, the hand not counted: [N]."""
+    hand, objects = trajectory.arm[[0, -1], None, -POSE_WIDTH:], trajectory.objects[[0, -1]]
+    poses = in_base(hand.astype(np.float64), objects[..., :POSE_WIDTH].astype(np.float64))
+    first, last = poses[..., :3]
+    moved: Bools = np.linalg.norm(last - first, axis=-1) > MOVED_M
+    moved[trajectory.hand_index] = False
+    return moved
+
+
+def _of_program(sets: Bits, program: Int32, rows: Int64) -> Bools:
     """The sets [P / 8, 2, N, B] of one program for each of some rows, [rows, 2, N]."""
     bits = sets[program >> 3, :, :, rows] >> (program & 7).astype(np.uint8)[:, None, None]
     return (bits & 1).astype(np.bool_)
 
 
-def _one_of(keys: Float64, wanted: Bools) -> NDArray[np.int32]:
+def _one_of(keys: Float64, wanted: Bools) -> Int32:
     """A column of each row [B, P] that is wanted, [B]: that with the largest key."""
     return np.asarray(np.where(wanted, keys, -1.0).argmax(-1), np.int32)
 

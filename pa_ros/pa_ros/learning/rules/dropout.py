@@ -8,23 +8,32 @@ whatever they look like.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32
 from pa_ros.core.update import HAND_INDEX
-from pa_ros.learning.relabeling.kinds import Kinds
+from pa_ros.learning.replay_buffer.buffer import Int64, ReplayBuffer
+from pa_ros.learning.rules.kinds import Kinds
+from pa_ros.learning.rules.rule import Drawn, Int32, Rule, Scenes
+from pa_ros.world import Trajectory
 from pa_ros.world.programs import ProgramTable
 from pa_ros.world.world import World
 
 
-class PropertyDropout:
-    """Hides properties of blocks that none of a table's programs in a batch names.
+class PropertyDropout(Rule):
+    """Another rule, which also hides properties of blocks that none of a batch's programs names.
 
     Every set of property groups is as likely to be hidden (of shape and color: one, both, other).
+    Where features do not tell what a program names, the rule stores it in the column `may_name`.
     """
 
-    def __init__(self, table: ProgramTable, world: World, probability: float) -> None:
+    def __init__(self, rule: Rule, table: ProgramTable, world: World, probability: float) -> None:
+        """`table`: whose rows the programs of a batch are."""
+        self._rule, self.columns, self.programs = rule, rule.columns, rule.programs
         self._table, self._schema, self._probability = table, world.schema, probability
         self._named: NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
         self._kinds = Kinds(world) if world.schema.tells_words else None
@@ -34,12 +43,22 @@ class PropertyDropout:
         self._hidden = (gray[:, None] >> np.arange(groups) & 1).astype(np.bool_)
         self._ends = (sets / len(sets)).astype(np.float32)
 
+    def describe(self, trajectory: Trajectory) -> Mapping[str, Any]:
+        return self._rule.describe(trajectory)
+
+    def rewards(self, replay: ReplayBuffer, rows: Int64, program: Int32) -> Float32:
+        return self._rule.rewards(replay, rows, program)
+
+    def draw(self, rng: np.random.Generator, replay: ReplayBuffer, size: int) -> Drawn:
+        drawn = self._rule.draw(rng, replay, size)
+        return _Hiding(drawn, rng.random((size, 2), np.float32), self)
+
     def hide(
         self,
         drawn: Float32,
         objects: Float32,
         following: Float32,
-        program: NDArray[np.int32],
+        program: Int32,
         may_name: NDArray[np.uint64] | None = None,
     ) -> None:
         """Clear properties of at most one block of each transition, before and after it, in place.
@@ -59,7 +78,7 @@ class PropertyDropout:
             objects[rows, block[rows], columns] = 0.0
             following[rows, block[rows], columns] = 0.0
 
-    def _names(self, objects: Float32, program: NDArray[np.int32]) -> NDArray[np.bool_]:
+    def _names(self, objects: Float32, program: Int32) -> NDArray[np.bool_]:
         """Blocks that one of a transition's programs names, [B, N]."""
         assert self._kinds is not None
         if len(self._named) != len(self._table):
@@ -69,7 +88,23 @@ class PropertyDropout:
         return np.asarray(named.any(1))
 
 
-def _bits(may_name: NDArray[np.uint64], program: NDArray[np.int32]) -> NDArray[np.bool_]:
+class _Hiding(Drawn):
+    """Drawn transitions, some of which hide properties."""
+
+    def __init__(self, drawn: Drawn, chances: Float32, dropout: PropertyDropout) -> None:
+        super().__init__(drawn.replay, drawn.index, drawn.program, drawn.reward, drawn.discount)
+        self._drawn, self._chances, self._dropout = drawn, chances, dropout
+
+    def scenes(self, part: slice) -> Scenes:
+        scenes = self._drawn.scenes(part)
+        bits = self.replay.arrays.get("may_name")
+        may_name = None if bits is None else bits[self.index[part]]
+        objects, next_objects = scenes[0], scenes[2]
+        self._dropout.hide(self._chances[part], objects, next_objects, self.program[part], may_name)
+        return scenes
+
+
+def _bits(may_name: NDArray[np.uint64], program: Int32) -> NDArray[np.bool_]:
     """Blocks that one of a transition's programs may name, [B, N]; all for a program without a
     bit."""
     shift = np.minimum(program, 63).astype(np.uint64)[:, :, None]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.language import Program
-from pa_ros.learning.relabeling.all_goals import MAX_PROGRAMS
+from pa_ros.learning.rules.all_goals import MAX_PROGRAMS
 from pa_ros.world import Scoring
 from pa_ros.world.measures import SAME
 from pa_ros.world.programs import ProgramTable, crisp_roles

@@ -1,1 +1,0 @@
-"""Learning more from a stored transition: other programs, and hidden properties."""
