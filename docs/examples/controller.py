@@ -5,7 +5,7 @@ from pathlib import Path
 from rclpy.node import Node
 
 from agent_node.inputs import ProgramBook
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.language import stages
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.ros import topics

@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks import baseline_networks
 from benchmarks.samples import played, whole_episode
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.arena import (
     Design,

@@ -8,7 +8,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.arena import design_named, preset_named
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import PolicySnapshot

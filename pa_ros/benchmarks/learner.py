@@ -21,7 +21,7 @@ from benchmarks.machine import measure_rates
 from benchmarks.samples import whole_episode
 from benchmarks.timing import Contender, measure
 from helpers.formulas import StraightforwardEngine
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.arena import design_named, preset_named, training_programs, world_of
 from pa_ros.arena.gym_env import ENV_ID
 from pa_ros.core.experience import Float32, Observation

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.samples import sample_step
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.learning.protocols import LearningSettings

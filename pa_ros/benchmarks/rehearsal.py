@@ -16,7 +16,7 @@ import numpy as np
 import yaml
 from rclpy.action import ActionClient
 
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.acting.execution import HOLD_S, WINDOW_S, ExecutionWatch
 from pa_ros.arena import ReachTask, scoring_of
 from pa_ros.arena.task import Verifier

@@ -6,7 +6,7 @@ namespace pa::PA_LEVEL {
 
 // p_avoid of a program that has run, in w.avoided; 0 for the hand.
 inline void assign_avoided(const Net& net, Work& w, int64_t s, int64_t sk, int64_t program) {
-    const float* degree = register_at(w, net.shape->words, s, sk, w.roles[2 * program + 1]);
+    const float* degree = register_at(w, net.shape->words, s, sk, w.sets[kAvoided][program]);
     float* out = w.avoided + sk * w.lanes;
     for (int i = 0; i < w.lanes; i++)
         out[i] = i < w.objects && i != w.hand_index ? degree[i] : 0.0f;
@@ -51,7 +51,7 @@ inline void pool_avoided_backward(const Net& net, Work& w, int64_t s) {
 
 // Adds ∂/∂p_avoid of program k to the gradient of its register.
 inline void avoided_backward(const Net& net, Work& w, int64_t k, int64_t program) {
-    const int set = w.roles[2 * program + 1], n = w.objects;
+    const int set = w.sets[kAvoided][program], n = w.objects;
     if (set == net.shape->words) return;  // HAND: nothing is avoided
     float* out = w.dregister + (int64_t)set * w.lanes;
     for (int i = 0; i < n; i++)

@@ -153,14 +153,15 @@ Batch make_batch(const Network& network, const Array& objects, const Array& arm,
     return made;
 }
 
-Programs make_programs(const Network& network, const Array& op, const Array& a, const Array& b,
-                       const Array& relation, const Array& roles) {
+Programs make_programs(const Array& op, const Array& a, const Array& b, const Array& relation,
+                       const Array& moved, const Array& target, const Array& avoided) {
     const Shape shape = shape_of(op);
     if (shape.size() != 2) throw Error("op: expected [P, L], got " + text_of(shape));
+    const Shape each{shape[0]};
     return {shape[0], shape[1], read<int32_t>("op", op, shape), read<int32_t>("a", a, shape),
-            read<int32_t>("b", b, shape),
-            read<int32_t>("relation", relation, {network.relations ? shape[0] : 0}),
-            read<int32_t>("roles", roles, {network.sets() ? shape[0] : 0, 2})};
+            read<int32_t>("b", b, shape), read<int32_t>("relation", relation, each),
+            {read<int32_t>("moved", moved, each), read<int32_t>("target", target, each),
+             read<int32_t>("avoided", avoided, each)}};
 }
 
 Targets make_targets(const Network& network, const Array& words) {
@@ -177,11 +178,15 @@ Observation make_observation(const Network& network, const Array& objects, const
 }
 
 // Arrays stay alive, being arguments, while other threads of Python run.
-template <class Code>
-void act(Actor& actor, const Observation& seen, const Code& code, const Writable& out) {
-    float* action = read<float>("action", out, {actor.shape().actions});
+void act(Actor& actor, const Array& objects, const Array& arm, int hand_index, const Writable& out,
+         const Writable& degrees) {
+    const Network& network = actor.shape();
+    const Observation seen = make_observation(network, objects, arm, hand_index);
+    float* action = read<float>("action", out, {network.actions});
+    const int rows = network.canonical ? 0 : 1 + kSets;
+    float* sets = read<float>("degrees", degrees, {rows, seen.objects});
     const nb::gil_scoped_release released;
-    actor.act(seen, code, action);
+    actor.act(seen, action, sets);
 }
 
 void compute(Function function, const Array& x, const Array& y, const Writable& out,
@@ -292,14 +297,13 @@ void bind_engine(nb::module_& m) {
         .def_prop_ro("critic", &Engine::critic, nb::rv_policy::reference_internal)
         .def(
             "set_programs",
-            [](Engine& engine, const Array& op, const Array& a, const Array& b,
-               const Array& relation, const Array& roles) {
-                engine.set_programs(make_programs(engine.actor().shape, op, a, b, relation, roles));
+            [](Engine& engine, const Array& op, const Array& a, const Array& b, const Array& relation,
+               const Array& moved, const Array& target, const Array& avoided) {
+                engine.set_programs(make_programs(op, a, b, relation, moved, target, avoided));
             },
-            "op"_a, "a"_a, "b"_a, "relation"_a, "roles"_a,
-            "What rows of batches mean: flat programs, each [P, L] int32, the relation that each "
-            "asks for, [P], where there are several, else [0], and the registers of what it moves "
-            "and of its target, [P, 2], where there are roles, else [0, 2].")
+            nb::kw_only(), "op"_a, "a"_a, "b"_a, "relation"_a, "moved"_a, "target"_a, "avoided"_a,
+            "What rows of batches mean: compiled programs by the fields of their record, "
+            "instructions [P, L] and all else [P], int32.")
         .def(
             "set_targets",
             [](Engine& engine, const Array& words) { engine.set_targets(make_targets(engine.actor().shape, words)); },
@@ -330,26 +334,20 @@ void bind_actor(nb::module_& m) {
                          return view(nb::cast<Actor&>(actor).parameters(), actor);
                      })
         .def(
-            "act_on_program",
-            [](Actor& actor, const Array& objects, const Array& arm, int hand_index,
-               const Array& op, const Array& a, const Array& b, const Array& relation,
-               const Array& roles, const Writable& out) {
-                act(actor, make_observation(actor.shape(), objects, arm, hand_index),
-                    make_programs(actor.shape(), op, a, b, relation, roles), out);
+            "set_program",
+            [](Actor& actor, const Array& op, const Array& a, const Array& b, const Array& relation,
+               const Array& moved, const Array& target, const Array& avoided) {
+                actor.set_program(make_programs(op, a, b, relation, moved, target, avoided));
             },
-            "objects"_a, "arm"_a, "hand_index"_a, "op"_a, "a"_a, "b"_a, "relation"_a, "roles"_a,
-            "out"_a,
-            "Objects [N, F], arm [A], a flat program, each [1, L], its relation [1] or [0], its "
-            "roles [1, 2] or [0, 2]; writes the action, [J].")
+            nb::kw_only(), "op"_a, "a"_a, "b"_a, "relation"_a, "moved"_a, "target"_a, "avoided"_a,
+            "Act on one program from now on: as `Engine.set_programs`, with P = 1.")
         .def(
-            "act_on_target",
-            [](Actor& actor, const Array& objects, const Array& arm, int hand_index,
-               const Array& words, const Writable& out) {
-                act(actor, make_observation(actor.shape(), objects, arm, hand_index),
-                    make_targets(actor.shape(), words), out);
-            },
-            "objects"_a, "arm"_a, "hand_index"_a, "words"_a, "out"_a,
-            "The same for canonical networks: the target's words, [1, groups].");
+            "set_target",
+            [](Actor& actor, const Array& words) { actor.set_target(make_targets(actor.shape(), words)); },
+            "words"_a, "The same for canonical networks: the target's words, [1, groups].")
+        .def("act", act, "objects"_a, "arm"_a, "hand_index"_a, "action"_a, "degrees"_a,
+             "Objects [N, F], arm [A]; writes the action, [J], and the degrees [4, N] of p, what is "
+             "moved, the target and what is avoided; [0, N] for canonical networks.");
 }
 
 // Errors of the library are Python's FusedError, which is there without the library too.

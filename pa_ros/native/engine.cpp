@@ -67,8 +67,9 @@ void check(const Programs& p, const Network& network) {
         }
     for (int64_t row = 0; network.relations && row < p.rows; row++)
         check_range("relation of a program", p.relation[row], 0, network.relations - 1);
-    for (int64_t i = 0; network.sets() && i < 2 * p.rows; i++)
-        check_range("register of a role", p.roles[i], 0, network.words + p.length);
+    for (const int32_t* set : p.sets)
+        for (int64_t row = 0; row < p.rows; row++)
+            check_range("register of a set", set[row], 0, network.words + p.length);
 }
 
 void check(const Targets& t, const Network& network) {
@@ -96,29 +97,41 @@ Engine::Engine(const Network& actor, const Network& critic, const Settings& sett
     sizes_.threads = threads;
 }
 
-void Engine::set_programs(const Programs& p) {
-    const std::lock_guard<std::mutex> turn(turn_);
-    pa::check(p, actor_.shape);
+void OwnTable::copy(const Programs& p, const Network& network) {
+    pa::check(p, network);
     const int64_t size = p.rows * p.length;
     op_.assign(p.op, p.op + size), a_.assign(p.a, p.a + size), b_.assign(p.b, p.b + size);
-    relation_.assign(p.relation, p.relation + (actor_.shape.relations ? p.rows : 0));
-    roles_.assign(p.roles, p.roles + (actor_.shape.sets() ? 2 * p.rows : 0));
-    rows_ = p.rows, length_ = p.length;
+    relation_.assign(p.relation, p.relation + p.rows);
+    for (int set = 0; set < kSets; set++) sets_[set].assign(p.sets[set], p.sets[set] + p.rows);
+    rows = p.rows, length = p.length;
 }
 
-void Engine::set_targets(const Targets& t) {
+void OwnTable::copy(const Targets& t, const Network& network) {
+    pa::check(t, network);
+    words_.assign(t.words, t.words + t.rows * network.groups);
+    rows = t.rows;
+}
+
+Table OwnTable::table() const {
+    return {(int32_t)length, op_.data(), a_.data(), b_.data(), relation_.data(),
+            {sets_[kMoved].data(), sets_[kTarget].data(), sets_[kAvoided].data()}, words_.data()};
+}
+
+void Engine::set_programs(const Programs& programs) {
     const std::lock_guard<std::mutex> turn(turn_);
-    pa::check(t, actor_.shape);
-    target_.assign(t.words, t.words + t.rows * actor_.shape.groups);
-    rows_ = t.rows;
+    table_.copy(programs, actor_.shape);
+}
+
+void Engine::set_targets(const Targets& targets) {
+    const std::lock_guard<std::mutex> turn(turn_);
+    table_.copy(targets, actor_.shape);
 }
 
 Metrics Engine::update(Batch batch) {
     const std::lock_guard<std::mutex> turn(turn_);
     check(batch);
     fit(batch);
-    batch.table = {(int32_t)length_, op_.data(), a_.data(), b_.data(), target_.data(),
-                   relation_.data(), roles_.data()};
+    batch.table = table_.table();
     auto gradients = [&](int part) { learner_->gradients(batch, part); };
     auto apply = [&](int part) { learner_->apply(batch, part); };
     team_.run(gradients);
@@ -132,8 +145,8 @@ void Engine::check(const Batch& batch) const {
     check_scene(batch.objects, batch.hand_index);
     const int64_t size = (int64_t)batch.transitions * batch.programs;
     for (const int32_t* row = batch.program; row < batch.program + size; row++)
-        if (*row < 0 || *row >= rows_)
-            throw Error("expected programs below " + std::to_string(rows_) + ", got " +
+        if (*row < 0 || *row >= table_.rows)
+            throw Error("expected programs below " + std::to_string(table_.rows) + ", got " +
                         std::to_string(*row));
 }
 
@@ -141,8 +154,8 @@ void Engine::check(const Batch& batch) const {
 void Engine::fit(const Batch& batch) {
     const Sizes& now = sizes_;
     const bool same = now.objects == batch.objects && now.programs == batch.programs;
-    if (learner_ && same && batch.transitions <= now.transitions && length_ <= now.length) return;
-    const Sizes sizes{batch.transitions, batch.objects, batch.programs, (int32_t)length_,
+    if (learner_ && same && batch.transitions <= now.transitions && table_.length <= now.length) return;
+    const Sizes sizes{batch.transitions, batch.objects, batch.programs, (int32_t)table_.length,
                       now.threads};
     learner_.reset();
     learner_.reset(kernel_->make_learner({actor_.shape, critic_.shape, actor_.tensors(),
@@ -155,28 +168,28 @@ Actor::Actor(const Network& network, const Level& used)
     if (network.critic) throw Error("expected an actor, got a critic");
 }
 
-void Actor::act(const Observation& seen, const Programs& program, float* action) {
-    check_range("programs to act on", program.rows, 1, 1);
-    check(program, shape_);
-    act(seen, Table{(int32_t)program.length, program.op, program.a, program.b, nullptr,
-                    program.relation, program.roles}, action);
-}
-
-void Actor::act(const Observation& seen, const Targets& target, float* action) {
-    check_range("targets to act on", target.rows, 1, 1);
-    check(target, shape_);
-    act(seen, Table{1, nullptr, nullptr, nullptr, target.words, nullptr, nullptr}, action);
-}
-
-void Actor::act(const Observation& seen, const Table& table, float* action) {
+void Actor::set_program(const Programs& program) {
     const std::lock_guard<std::mutex> turn(turn_);
+    check_range("programs to act on", program.rows, 1, 1);
+    table_.copy(program, shape_);
+}
+
+void Actor::set_target(const Targets& target) {
+    const std::lock_guard<std::mutex> turn(turn_);
+    check_range("targets to act on", target.rows, 1, 1);
+    table_.copy(target, shape_);
+}
+
+void Actor::act(const Observation& seen, float* action, float* degrees) {
+    const std::lock_guard<std::mutex> turn(turn_);
+    check_range("programs to act on", table_.rows, 1, 1);
     check_scene(seen.objects, seen.hand_index);
-    if (!actor_ || objects_ != seen.objects || length_ < table.length) {
+    if (!actor_ || objects_ != seen.objects || length_ < table_.length) {
         actor_.reset();
-        actor_.reset(kernel_->make_actor(shape_, parameters_.data(), seen.objects, table.length));
-        objects_ = seen.objects, length_ = table.length;
+        actor_.reset(kernel_->make_actor(shape_, parameters_.data(), seen.objects, (int)table_.length));
+        objects_ = seen.objects, length_ = (int32_t)table_.length;
     }
-    actor_->act(seen, table, action);
+    actor_->act(seen, table_.table(), action, shape_.canonical ? nullptr : degrees);
 }
 
 }  // namespace pa

@@ -23,11 +23,11 @@ struct Trained {
     Buffer parameters, target, gradient, first_moment, second_moment;
 };
 
-// Programs as the caller has them: `op`, `a` and `b` are [rows, length], `relation` is [rows] where
-// the network knows several, `roles` [rows, 2] where it has roles.
+// Programs as the caller has them: `op`, `a` and `b` are [rows, length], `relation` and each of `sets`
+// [rows].
 struct Programs {
     int64_t rows, length;
-    const int32_t *op, *a, *b, *relation, *roles;
+    const int32_t *op, *a, *b, *relation, *sets[kSets];
 };
 
 struct Targets {  // a word of each group, [rows, groups]
@@ -38,6 +38,19 @@ struct Targets {  // a word of each group, [rows, groups]
 // Error unless every instruction reads words, the hand or what came before it.
 void check(const Programs& programs, const Network& network);
 void check(const Targets& targets, const Network& network);
+
+// Programs or targets of one network, copied.
+class OwnTable {
+  public:
+    void copy(const Programs& programs, const Network& network);
+    void copy(const Targets& targets, const Network& network);
+    Table table() const;
+
+    int64_t rows = 0, length = 1;
+
+  private:
+    std::vector<int32_t> op_, a_, b_, relation_, sets_[kSets], words_;
+};
 
 class Engine {
   public:
@@ -61,8 +74,7 @@ class Engine {
     Trained actor_, critic_;
     const Settings settings_;
     const Kernel* kernel_;
-    std::vector<int32_t> op_, a_, b_, target_, relation_, roles_;
-    int64_t rows_ = 0, length_ = 1;
+    OwnTable table_;
     Sizes sizes_{};
     std::unique_ptr<LearnerKernel> learner_;
     Team team_;
@@ -76,16 +88,18 @@ class Actor {
     const Network& shape() const { return shape_; }
     Buffer& parameters() { return parameters_; }
 
-    // `action` [J] of one observation under one program, or for canonical networks one target.
-    void act(const Observation& seen, const Programs& program, float* action);
-    void act(const Observation& seen, const Targets& target, float* action);
+    // What is acted on from now on: one program, or for canonical networks one target.
+    void set_program(const Programs& program);
+    void set_target(const Targets& target);
+
+    // `action` [J] of one observation. `degrees` [1 + kSets, N] of programs, unless null: see ActorKernel.
+    void act(const Observation& seen, float* action, float* degrees);
 
   private:
-    void act(const Observation& seen, const Table& table, float* action);
-
     const Network shape_;
     const Kernel* kernel_;
     Buffer parameters_;
+    OwnTable table_;
     int32_t objects_ = 0, length_ = 0;
     std::unique_ptr<ActorKernel> actor_;
     std::mutex turn_;

@@ -57,7 +57,7 @@ class Act final : public ActorKernel {
         carve(work_, arena, size);
     }
 
-    void act(const Observation& seen, const Table& program, float* action) override {
+    void act(const Observation& seen, const Table& program, float* action, float* degrees) override {
         const FlushSubnormals flush;
         const int32_t row = 0;
         set_table(work_, program);
@@ -66,6 +66,11 @@ class Act final : public ActorKernel {
         forward(net_, work_, &row, 1, false);
         actor_head(net_, work_, 1);
         for (int i = 0; i < shape_.actions; i++) action[i] = work_.action[i];
+        if (!degrees) return;
+        const int n = seen.objects, last = shape_.words + (int)program.length;
+        for (int i = 0; i < n; i++) degrees[i] = register_at(work_, shape_.words, 0, 0, last)[i];
+        for (int set = 0; set < kSets; set++)
+            read_set(net_, work_, 0, 0, program.sets[set][0], degrees + (1 + set) * n);
     }
 
   private:

@@ -18,13 +18,15 @@ struct Settings {  // of a learner for as long as it lives
     bool detector_bias;          // whether it is learned
 };
 
+enum Set { kMoved, kTarget, kAvoided, kSets };  // of a program: what is moved, where to, what is avoided
+
 // Programs, rows of `length` instructions; for canonical networks rows of a word of each group.
 struct Table {
     int32_t length;
     const int32_t *op, *a, *b;
-    const int32_t* target;
-    const int32_t* relation;  // of each program, where a network knows several
-    const int32_t* roles;     // two registers of each program, where a network has roles
+    const int32_t* relation;     // of each program; read where a network knows several
+    const int32_t* sets[kSets];  // the register of each set of each program
+    const int32_t* words;        // of canonical networks instead
 };
 
 // B transitions of N objects × K programs, which are rows of the table (see docs/DESIGN.md).
@@ -73,7 +75,8 @@ class LearnerKernel {
 class ActorKernel {
   public:
     virtual ~ActorKernel();
-    virtual void act(const Observation& seen, const Table& program, float* action) = 0;
+    // `degrees` [1 + kSets, N], unless null: p, then those of each set.
+    virtual void act(const Observation& seen, const Table& program, float* action, float* degrees) = 0;
 };
 
 enum class Function : int32_t { exponential, tanh, tanh_of_sum };

@@ -55,8 +55,6 @@ struct Network {
     int32_t canonical;  // 1: an MLP of the flattened Ω; attention and detectors are 0
     int32_t slots;      // of that: slot i is of the objects of which these words are true
     int32_t slot_word[kMaxSlots][kMaxGroups];
-
-    bool sets() const { return roles || avoids; }  // two registers of each program are told
 };
 
 // Offsets and sizes in floats. Rows are input-major ([in][out]): a torch weight is the transpose.

@@ -45,7 +45,7 @@ inline void mlp_forward(const Net& net, Work& w, const int32_t* programs, int co
     multiply(count, h, l.inputs, {w.x, padded(l.inputs), 1}, first, h, w.first_arm, h,
              FromRows{bias, 0, 1});
     for (int64_t sk = 0; sk < pairs; sk++) {
-        const int32_t* target = w.target + (int64_t)programs[sk] * groups;
+        const int32_t* target = w.words + (int64_t)programs[sk] * groups;
         const float* scene = w.first_arm + sk / w.programs * h;
         for (int64_t c = 0; c < h; c += W) {
             vf x = load(scene + c);
@@ -71,7 +71,7 @@ inline void mlp_backward(const Net& net, Work& w, const int32_t* programs, int c
     multiply_add(size, h, pairs, {w.first, 1, h}, w.dh, h, gradient + l.second, h);
     __builtin_memset(w.first_arm, 0, count * h * sizeof(float));
     for (int64_t sk = 0; sk < pairs; sk++) {
-        const int32_t* target = w.target + (int64_t)programs[sk] * groups;
+        const int32_t* target = w.words + (int64_t)programs[sk] * groups;
         float* scene = w.first_arm + sk / w.programs * h;
         for (int64_t c = 0; c < h; c += W) {
             const vf z = load(w.first + sk * h + c);

@@ -46,6 +46,13 @@ inline const float* register_at(const Work& w, int words, int64_t s, int64_t sk,
     return w.registers + (sk * w.capacity + r - words - 1) * w.lanes;
 }
 
+// Degrees of a set, whose register is `set`, for the objects there are. Only HAND contains the hand.
+inline void read_set(const Net& net, const Work& w, int64_t s, int64_t sk, int set, float* out) {
+    const float* degree = register_at(w, net.shape->words, s, sk, set);
+    for (int i = 0; i < w.objects; i++)
+        out[i] = i != w.hand_index || set == net.shape->words ? degree[i] : 0.0f;
+}
+
 // p and Σ p of one program (row `program` of the table) on one sample.
 inline void run_program(const Net& net, Work& w, int64_t s, int64_t sk, int64_t program) {
     const int words = net.shape->words;

@@ -14,9 +14,9 @@ struct Pairs {
 
 inline Pairs pairs_of(const Net& net, const Work& w, const int32_t* programs) {
     bool hand[2] = {}, others[2] = {};
-    for (int role = 0; role < 2; role++)
+    for (const int role : {kMoved, kTarget})
         for (int k = 0; k < w.programs; k++) {
-            const bool of_hand = net.shape->roles && w.roles[2 * programs[k] + role] == net.shape->words;
+            const bool of_hand = net.shape->roles && w.sets[role][programs[k]] == net.shape->words;
             hand[role] = hand[role] || of_hand || !net.shape->roles;
             others[role] = others[role] || !of_hand;
         }
@@ -31,15 +31,10 @@ inline Pairs pairs_of(const Net& net, const Work& w, const int32_t* programs) {
 
 // p1 and p2 of a program that has run, in w.moved and w.senders.
 inline void assign_roles(const Net& net, Work& w, int64_t s, int64_t sk, int64_t program) {
-    const int words = net.shape->words;
-    for (int role = 0; role < 2; role++) {
-        const int set = w.roles[2 * program + role];
-        const float* degree = register_at(w, words, s, sk, set);
-        float* out = (role ? w.senders : w.moved) + sk * w.lanes;
-        for (int i = 0; i < w.lanes; i++) {
-            const bool there = i < w.objects && (i != w.hand_index || set == words);
-            out[i] = there ? degree[i] : 0.0f;
-        }
+    for (const int role : {kMoved, kTarget}) {
+        float* out = (role == kMoved ? w.moved : w.senders) + sk * w.lanes;
+        for (int i = w.objects; i < w.lanes; i++) out[i] = 0.0f;
+        read_set(net, w, s, sk, w.sets[role][program], out);
     }
 }
 
@@ -99,8 +94,8 @@ inline void pairs_backward(const Net& net, Work& w, const Pairs& pairs, int64_t 
             dsenders[j] += moved[i] * d;
             w.dscore[j * w.lanes + i] += moved[i] * senders[j] * d;
         }
-    for (int role = 0; role < 2; role++) {
-        const int set = w.roles[2 * program + role];
+    for (const int role : {kMoved, kTarget}) {
+        const int set = w.sets[role][program];
         if (set == net.shape->words) continue;  // HAND
         float* out = w.dregister + (int64_t)set * w.lanes;
         for (int i = 0; i < n; i++)

@@ -55,9 +55,9 @@ struct Work {
 
     int hand_index;
     const int32_t *op, *a, *b;  // the program table, rows of `length`
-    const int32_t* target;      // of canonical networks instead: rows of two words
     const int32_t* relation;    // of each program
-    const int32_t* roles;       // two registers of each program; that of what it avoids is the second
+    const int32_t* sets[kSets]; // the register of each set of each program
+    const int32_t* words;       // of canonical networks instead: rows of a word of each group
     int64_t length, capacity;   // instructions a program has now, and at most
 
     float* first_of(int64_t s, int64_t columns) const {
@@ -124,7 +124,8 @@ inline void set_objects(Work& w, int hand_index) {
 
 inline void set_table(Work& w, const Table& table) {
     w.op = table.op, w.a = table.a, w.b = table.b, w.length = table.length;
-    w.target = table.target, w.relation = table.relation, w.roles = table.roles;
+    w.relation = table.relation, w.words = table.words;
+    for (int set = 0; set < kSets; set++) w.sets[set] = table.sets[set];
 }
 
 // Whether a word is true of an object whose features, scaled, are x.

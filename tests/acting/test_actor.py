@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 from helpers.worlds import PROGRAMS, WORLD, PointWorld, dpg
-from pa_ros.acting.actor import Actor, inference_for
 from pa_ros.acting.errors import ActingError
+from pa_ros.acting.executing import Actor
 from pa_ros.acting.exploration import ExplorationNoise
+from pa_ros.acting.policy import inference_for
 from pa_ros.language import MIN_MAX, PRODUCT, ProgramError, Vocabulary, parse
 from pa_ros.learning.learner import Learner
 from pa_ros.native.engine import FusedActor
 from pa_ros.networks.config import NetworkConfig, actor_config
-from pa_ros.networks.inference import TorchActor
+from pa_ros.networks.torch_actor import TorchActor
 
 NETWORK = NetworkConfig(world=WORLD, hidden=6, attention=4)
 SETTINGS = dpg(replay__capacity_frames=100, schedule__trajectory_steps=20)
@@ -33,7 +34,7 @@ def test_exploring_adds_the_episodes_noise_to_what_the_networks_say() -> None:
     for episode in (0, 4):
         observation, _ = world.reset(episode)
         for _ in range(5):
-            said = actor.infer(observation, world.program)
+            said = actor.infer(observation, world.program).action
             expected = np.clip(said + same.sample(episode), -1, 1).astype(np.float32)
             action = actor.explore(observation, world.program)
             np.testing.assert_array_equal(action, expected)
@@ -99,7 +100,9 @@ def test_acts_by_the_fused_code_where_it_applies(caplog) -> None:
     observation, _ = PointWorld().reset(0)
     plain = TorchActor(NETWORK, given.tensors, MIN_MAX)
     expected = plain.act(observation.objects, WORLD.arm(observation), PROGRAMS[0], 0)
-    np.testing.assert_allclose(one.act(observation, PROGRAMS[0]), expected, rtol=0, atol=2e-6)
+    np.testing.assert_allclose(
+        one.act(observation, PROGRAMS[0]), expected.action, rtol=0, atol=2e-6
+    )
     other.load(given)
     np.testing.assert_array_equal(
         other.act(observation, PROGRAMS[0]), one.act(observation, PROGRAMS[0])

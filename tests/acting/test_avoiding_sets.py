@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pa_ros.acting.actor import AVOIDED_WITHIN_M, EQUAL_M, NEARNESS_M, Actor
+from pa_ros.acting.executing import AVOIDED_WITHIN_M, EQUAL_M, NEARNESS_M, Actor
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.language import Program, satisfying
@@ -43,7 +43,10 @@ def test_each_near_object_of_a_set_is_avoided(condition: str, most: int) -> None
                 shown[i] = True
                 weight = np.exp(-distance[i] / NEARNESS_M)
                 only = replace(observation, objects=objects[shown])
-                total, expected = total + weight, expected + weight * actor.infer(only, program)
+                total, expected = (
+                    total + weight,
+                    expected + weight * actor.infer(only, program).action,
+                )
             found = actor.act(replace(observation, objects=objects), program)
             np.testing.assert_allclose(found, expected / total, atol=1e-6)
     assert {0, most} <= counts

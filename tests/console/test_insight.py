@@ -10,7 +10,7 @@ import pytest
 
 from helpers.learners import LEARNER, again, published
 from helpers.messages import judged
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.acting.insight import Insight, agent_logic, explained
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.console import markup
@@ -42,12 +42,12 @@ def test_p_is_the_programs_relevance_and_the_root_is_p_of_the_blocks():
     found = Insight(SNAPSHOT).explain(OBSERVATION, program)
     hand = OBSERVATION.hand_index
     expected = relevance(program, found.phi.tolist(), VOCABULARY.row, hand, MIN_MAX)
-    np.testing.assert_allclose(found.p, expected)
+    np.testing.assert_allclose(found.p, expected, atol=1e-6)
     assert [(node.depth, node.text) for node in found.tree] == [
         (0, "AND"), (1, "RED"), (1, "NOT"), (2, "OR"), (3, "SPHERE"), (3, "CYLINDER"),
     ]  # fmt: skip
     blocks = np.arange(len(found.p)) != OBSERVATION.hand_index
-    np.testing.assert_allclose(found.tree[0].degrees[blocks], found.p[blocks], rtol=1e-6)
+    np.testing.assert_allclose(found.tree[0].degrees[blocks], found.p[blocks], atol=1e-6)
     red = [i + 1 for i, b in enumerate(TASK.episode.blocks) if "RED" in b.kind.words]
     assert all(found.tree[1].degrees[i] > 0.9 for i in red)
     assert found.version == SNAPSHOT.version and found.words == VOCABULARY.words

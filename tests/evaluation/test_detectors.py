@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.arena import design_named, world_of
 from pa_ros.arena.conditions import novel
 from pa_ros.core.errors import ConfigError

@@ -12,7 +12,7 @@ import yaml
 
 import pa_ros
 from helpers.pictures import opengl
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.arena import conditions_for, design_named, preset_named, world_of
 from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError

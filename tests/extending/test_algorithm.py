@@ -11,7 +11,7 @@ from helpers.learners import load_example, trained
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.protocols import LearningSettings
 from pa_ros.learning.run import LearningRun
-from pa_ros.networks.inference import TorchActor
+from pa_ros.networks.torch_actor import TorchActor
 
 
 def test_the_usual_learner_trains_with_it_and_announces_it(tmp_path: Path) -> None:
@@ -53,8 +53,8 @@ def test_the_actor_learns_the_rewarded_action(tmp_path: Path) -> None:
         learner.engine.update(bandit)
     actor = TorchActor(learner.network, learner.engine.actor_tensors())
     program = learner.table.programs[int(batch.program[0, 0])]
-    action = actor.act(batch.objects[0], batch.arm[0], program, 0)
-    np.testing.assert_allclose(action, 0.5, atol=0.15)
+    acted = actor.act(batch.objects[0], batch.arm[0], program, 0)
+    np.testing.assert_allclose(acted.action, 0.5, atol=0.15)
 
 
 def test_its_settings_are_options_with_defaults_by_protocol() -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.arena.simulation import Simulation
 from pa_ros.core.experience import Float64, Step
 from pa_ros.core.extensions import load

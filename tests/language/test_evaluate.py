@@ -136,10 +136,10 @@ def test_programs_that_cannot_hold_are_rejected(
 
 def test_instructions_of_a_program_that_moves_an_object() -> None:
     """What is moved has a body, and p = OR(HAND, OR(p1, p2)); the hand's register is 4."""
-    flat = compile_program(parse("NEAR(RED, AND(BLUE, PLACE))", MOVING), MOVING)
+    code = compile_program(parse("NEAR(RED, AND(BLUE, PLACE))", MOVING), MOVING)
     instructions = [(NOT, 1, 1), (AND, 2, 5), (AND, 3, 1), (OR, 6, 7), (OR, 4, 8)]
-    assert list(zip(flat.op, flat.a, flat.b, strict=True)) == instructions
-    assert (flat.moved, flat.target) == (6, 7)
+    assert list(zip(code.op, code.a, code.b, strict=True)) == instructions
+    assert (code.moved, code.target) == (6, 7)
     reaching = compile_program(parse("NEAR(HAND, RED)", MOVING), MOVING)
     assert reaching == compile_program(near("RED"), VOCABULARY)
     assert (reaching.moved, reaching.target) == (4, 2)

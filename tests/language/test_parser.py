@@ -97,10 +97,10 @@ def test_hostile_text_is_rejected_quickly_with_a_short_message(name: str) -> Non
 
 def test_the_largest_programs_are_accepted() -> None:
     deepest = parse(nested(MAX_DEPTH - 1), WORDS)
-    assert len(compile_program(deepest, WORDS)) == MAX_DEPTH
+    assert len(compile_program(deepest, WORDS).op) == MAX_DEPTH
     widest = parse(near(f"AND({','.join(['RED'] * (MAX_NODES - 1))})"), WORDS)
     assert sum(1 for _ in walk(widest.target)) == MAX_NODES
-    assert len(compile_program(widest, WORDS)) == MAX_NODES - 1
+    assert len(compile_program(widest, WORDS).op) == MAX_NODES - 1
     assert str(parse(near("RED").ljust(MAX_LENGTH), WORDS)) == near("RED")
 
 

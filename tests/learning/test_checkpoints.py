@@ -18,7 +18,7 @@ from helpers.worlds import (
     random_trajectory,
     run,
 )
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import here
 from pa_ros.learning.algorithms.dpg.config import DPGConfig

@@ -19,7 +19,7 @@ from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Scoring, Trajectory
 from pa_ros.world.measures import ProgramMeasures
 from pa_ros.world.poses import in_base
-from pa_ros.world.programs import ProgramTable, crisp_roles
+from pa_ros.world.programs import ProgramTable, crisp_sets
 from pa_ros.world.schema import ObjectSchema, PropertyGroup, Seen
 
 
@@ -55,7 +55,7 @@ def test_rewards_are_the_verifiers_of_the_moved_places(replay: ReplayBuffer) -> 
     for program in made.programs:
         table.add(program)
     truth = PUSH.truth(drawn.next_objects[0]).T
-    moved, named = crisp_roles(table.arrays(), table.roles(), truth, HAND_INDEX).swapaxes(0, 1)
+    moved, named, _ = crisp_sets(table.compiled(), truth, HAND_INDEX)
     for row, program in enumerate(drawn.program[:, 0]):
         of_hand = made.programs[program].moves_hand
         score = Scoring()(named[program], drawn.next_objects[row], "NEAR",

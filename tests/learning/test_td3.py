@@ -49,7 +49,7 @@ def q_of(engine: TorchTD3, critic: Any, batch: Batch, action: np.ndarray, then: 
     objects, arm = (batch.next_objects, batch.next_arm) if then else (batch.objects, batch.arm)
     seen = [torch.from_numpy(x).double() for x in (objects, arm)]
     with torch.no_grad():
-        q = critic(*seen, engine.goals(batch.program), torch.from_numpy(action).double())
+        q = critic(*seen, engine.programs(batch.program), torch.from_numpy(action).double())
     return np.asarray(q[:, 0])
 
 
@@ -70,7 +70,7 @@ def by_hand(engine: TorchTD3, batch: Batch, clip: float) -> float:
     """Mean of both critics' losses before an update."""
     seen = [torch.from_numpy(x).double() for x in (batch.next_objects, batch.next_arm)]
     with torch.no_grad():
-        action = engine.targets["actor"](*seen, engine.goals(batch.program))[:, 0].numpy()
+        action = engine.targets["actor"](*seen, engine.programs(batch.program))[:, 0].numpy()
     drawn = np.random.default_rng([SMOOTHING_STREAM, 0]).normal(size=(6, 1, 6))[:, 0]
     action = np.clip(action + clip * np.sign(drawn), -1, 1)
     both = [q_of(engine, engine.targets[name], batch, action, True) for name in CRITICS]

@@ -22,8 +22,8 @@ from helpers.worlds import (
     dpg,
     run,
 )
-from pa_ros.acting.actor import Actor
 from pa_ros.acting.errors import ActingError
+from pa_ros.acting.executing import Actor
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import PRODUCT

@@ -44,14 +44,17 @@ def engine(make: Callable[..., _fused.Network] = trunk, threads: int = 1) -> _fu
     return _fused.Engine(make(), make(critic=True), **settings, detector_bias=True, threads=threads)
 
 
-def program(
-    *rows: tuple[int, int, int],
-    relation: tuple[int, ...] = (),
-    roles: tuple[tuple[int, int], ...] = (),
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """`op`, `a`, `b`, [1, L], of instructions, the relation, [1] or [0], the roles, [1 or 0, 2]."""
+def program(*rows: tuple[int, int, int], **changes: tuple[int, ...]) -> dict[str, np.ndarray]:
+    """A program's record, [1, L] each of the instructions, with changes to the rest, [1] each."""
     op, a, b = (np.array([column], np.int32) for column in zip(*rows, strict=True))
-    return op, a, b, np.array(relation, np.int32), np.array(roles, np.int32).reshape(-1, 2)
+    rest = {"relation": (0,), "moved": (3,), "target": (0,), "avoided": (3,)} | changes
+    return {"op": op, "a": a, "b": b} | {k: np.array(v, np.int32) for k, v in rest.items()}
+
+
+def scene(objects: int = 2) -> tuple[np.ndarray, np.ndarray, int, np.ndarray, np.ndarray]:
+    """What an actor is called with: objects, arm, the hand's index, and arrays for its answer."""
+    zeros = partial(np.zeros, dtype=np.float32)
+    return zeros((objects, 16)), zeros(18), 0, zeros(6), zeros((4, objects))
 
 
 def batch(transitions: int = 4, objects: int = 3, programs: int = 2) -> dict[str, object]:
@@ -94,7 +97,7 @@ WRONG = [
 @pytest.mark.parametrize(("change", "message"), WRONG)
 def test_batches_that_do_not_fit(change: dict[str, object], message: str) -> None:
     made = engine()
-    made.set_programs(*program((3, 0, 0)))
+    made.set_programs(**program((3, 0, 0)))
     made.update(**batch())  # type: ignore[arg-type]
     with pytest.raises(FusedError, match=message):
         made.update(**batch() | change)  # type: ignore[arg-type]
@@ -113,11 +116,10 @@ def test_batches_that_do_not_fit(change: dict[str, object], message: str) -> Non
 def test_programs_with_registers_out_of_range(
     rows: list[tuple[int, int, int]], message: str
 ) -> None:
-    seen = np.zeros((2, 16), np.float32), np.zeros(18, np.float32), 0
     with pytest.raises(FusedError, match=message):
-        engine().set_programs(*program(*rows))
+        engine().set_programs(**program(*rows))
     with pytest.raises(FusedError, match=message):
-        _fused.Actor(trunk()).act_on_program(*seen, *program(*rows), np.zeros(6, np.float32))
+        _fused.Actor(trunk()).set_program(**program(*rows))
 
 
 @pytest.mark.parametrize(
@@ -129,28 +131,27 @@ def test_programs_with_registers_out_of_range(
 )
 def test_relations_out_of_range(relation: tuple[int, ...], message: str) -> None:
     several = partial(trunk, relations=2)
-    seen = np.zeros((2, 16), np.float32), np.zeros(18, np.float32), 0
-    out = np.zeros(6, np.float32)
     code = program((3, 0, 0), relation=relation)
     with pytest.raises(FusedError, match=message):
-        engine(several).set_programs(*code)
+        engine(several).set_programs(**code)
     with pytest.raises(FusedError, match=message):
-        _fused.Actor(several()).act_on_program(*seen, *code, out)
+        _fused.Actor(several()).set_program(**code)
     with pytest.raises(FusedError, match="relations: expected 0 … 16, got 17"):
         trunk(relations=17)
 
 
+@pytest.mark.parametrize("name", ["moved", "target", "avoided"])
 @pytest.mark.parametrize(
-    ("roles", "message"),
+    ("registers", "message"),
     [
-        (((0, 5),), "register of a role: expected 0 … 4, got 5"),
-        (((-1, 0),), "register of a role: expected 0 … 4, got -1"),
-        ((), r"roles: expected contiguous int32 \(1, 2\), got int32 \(0, 2\)"),
+        ((5,), "register of a set: expected 0 … 4, got 5"),
+        ((-1,), "register of a set: expected 0 … 4, got -1"),
+        ((), r"{}: expected contiguous int32 \(1,\), got int32 \(0,\)"),
     ],
 )
-def test_roles_out_of_range(roles: tuple[tuple[int, int], ...], message: str) -> None:
-    with pytest.raises(FusedError, match=message):
-        engine(partial(trunk, roles=True)).set_programs(*program((3, 0, 0), roles=roles))
+def test_sets_out_of_range(name: str, registers: tuple[int, ...], message: str) -> None:
+    with pytest.raises(FusedError, match=message.format(name)):
+        engine().set_programs(**program((3, 0, 0), **{name: registers}))
     with pytest.raises(FusedError, match="upper layers: expected 0 … 4, got 5"):
         trunk(upper_layers=5)
 
@@ -193,19 +194,22 @@ def test_networks_beyond_the_limits(attempt: Callable[[], object], message: str)
 
 
 def test_an_observation_and_its_action_array_must_fit() -> None:
-    actor, code = _fused.Actor(trunk()), program((3, 0, 0))
-    objects, arm = np.zeros((2, 16), np.float32), np.zeros(18, np.float32)
-    out = np.zeros(6, np.float32)
-    actor.act_on_program(objects, arm, 1, *code, out)
+    actor, (objects, arm, hand, action, degrees) = _fused.Actor(trunk()), scene()
+    with pytest.raises(FusedError, match="programs to act on: expected 1 … 1, got 0"):
+        actor.act(objects, arm, hand, action, degrees)
+    actor.set_program(**program((3, 0, 0)))
+    actor.act(objects, arm, 1, action, degrees)
     with pytest.raises(FusedError, match=r"action: .*\(6,\), got float32 \(5,\)"):
-        actor.act_on_program(objects, arm, 1, *code, out[:5])
+        actor.act(objects, arm, 1, action[:5], degrees)
+    with pytest.raises(FusedError, match=r"degrees: .*\(4, 2\), got float32 \(3, 2\)"):
+        actor.act(objects, arm, 1, action, degrees[:3])
     with pytest.raises(FusedError, match=r"arm: .*\(18,\), got float32 \(17,\)"):
-        actor.act_on_program(objects, arm[:17], 1, *code, out)
+        actor.act(objects, arm[:17], 1, action, degrees)
     with pytest.raises(FusedError, match="hand_index"):
-        actor.act_on_program(objects, arm, 2, *code, out)
-    out.flags.writeable = False
+        actor.act(objects, arm, 2, action, degrees)
+    action.flags.writeable = False
     with pytest.raises(TypeError):
-        actor.act_on_program(objects, arm, 1, *code, out)
+        actor.act(objects, arm, 1, action, degrees)
 
 
 def test_views_keep_their_memory_alive() -> None:

@@ -9,8 +9,8 @@ from pa_ros.networks.canonical import CanonicalActor, CanonicalCritic
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.families import canonical_inputs, slot_values, target_one_hots
-from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor, initial_critic
+from pa_ros.networks.torch_actor import TorchActor
 from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
 
@@ -73,7 +73,7 @@ def test_modules_and_inference_agree_with_the_layers_by_hand() -> None:
     action = actor_module(*given, 1)
     np.testing.assert_allclose(action[0, 0].detach().numpy(), expected, atol=1e-9)
     inferred = TorchActor(CONFIG, actor).act(objects, arm, program, 1)
-    np.testing.assert_allclose(inferred, expected, atol=1e-5)
+    np.testing.assert_allclose(inferred.action, expected, atol=1e-5)
 
     hidden = np.tanh(critic["layers.0.weight"] @ x + critic["layers.0.bias"])
     hidden = np.concatenate([hidden, expected])

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.language import LOGICS, MIN_MAX, PRODUCT, parse
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.networks.detectors import degrees
-from pa_ros.networks.inference import TorchActor
+from pa_ros.networks.torch_actor import TorchActor
 from pa_ros.world.schema import PAPER, ObjectSchema, OneHot, PropertyGroup, Real
 
 

@@ -8,9 +8,9 @@ from helpers import formulas
 from helpers.fused_settings import PROGRAMS, VOCABULARY, Setting, make_batch, setting
 from pa_ros.language import parse
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
 from pa_ros.networks.relevance import program_tensors
+from pa_ros.networks.torch_actor import TorchActor
 
 KINDS = ("programmable", "distilled-critic", "true-properties")
 

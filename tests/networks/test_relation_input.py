@@ -36,8 +36,8 @@ def programs(config: NetworkConfig, rows: list[list[int]]) -> Programs:
     codes = [
         torch.from_numpy(code).long()[torch.tensor(rows)] for code in family_of(config).codes(table)
     ]
-    goals: Programs = family_of(config).goals(config, *codes)
-    return goals
+    made: Programs = family_of(config).programs(*codes)
+    return made
 
 
 def scenes(config: NetworkConfig, count: int) -> tuple[Tensor, Tensor]:
@@ -77,7 +77,7 @@ def test_a_relation_is_another_bias_of_r() -> None:
     table.add(parse(TEXTS[0], one.vocabulary))
     codes = [torch.from_numpy(code).long()[torch.zeros(5, 1, dtype=torch.int64)]
              for code in family_of(one).codes(table)]  # fmt: skip
-    torch.testing.assert_close(asked, plain(objects, arm, family_of(one).goals(one, *codes)))
+    torch.testing.assert_close(asked, plain(objects, arm, family_of(one).programs(*codes)))
 
 
 def test_only_relations_that_are_asked_for_learn() -> None:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from helpers.robots import CONFIG, DESIGN, NAMES, PERIOD_S, Rehearsal
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.arena import ArenaError
 from pa_ros.arena.camera import Camera, intrinsics, optical_pose
 from pa_ros.core.extensions import load

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.arena import ReachTask, design_named
 from pa_ros.arena.config import preset_named
 from pa_ros.evaluation.agents import load_agent

@@ -17,10 +17,10 @@ from pa_ros.language import (
     roles,
     satisfying,
 )
-from pa_ros.language.flat import COPY
+from pa_ros.language.flat import COPY, Compiled
 from pa_ros.language.syntax import HAND
-from pa_ros.networks.relevance import program_tensors, relevant_objects, relevant_roles
-from pa_ros.world.programs import ProgramTable, crisp, crisp_roles
+from pa_ros.networks.relevance import program_tensors, relevant_objects, relevant_sets
+from pa_ros.world.programs import ProgramTable, crisp, crisp_sets
 
 torch.set_num_threads(1)
 
@@ -55,9 +55,9 @@ def test_a_batch_of_different_programs_equals_each_alone(
 ) -> None:
     hand = data.draw(st.integers(0, objects - 1))
     table, rows = table_of(members)
-    op, a, b = (x[rows] for x in program_tensors(table))
+    code = Compiled(*(x[rows] for x in program_tensors(table)))
     phi = random_phi(seed, len(members), objects=objects)
-    p = relevant_objects(phi, hand, op, a, b, logic)
+    p = relevant_objects(phi, hand, code, logic)
     assert p.shape == (len(members), objects)
     for i, program in enumerate(members):
         expected = relevance(program, phi[i].tolist(), VOCABULARY.row, hand, logic)
@@ -71,12 +71,12 @@ def test_several_programs_for_each_scene_equal_one_at_a_time(
 ) -> None:
     table, rows = table_of(members)
     batch = torch.tensor([rows, rows[::-1], rows])  # [B, K]
-    op, a, b = (x[batch] for x in program_tensors(table))
+    code = Compiled(*(x[batch] for x in program_tensors(table)))
     phi = random_phi(seed, 3, objects=5)
-    p = relevant_objects(phi, 0, op, a, b)
+    p = relevant_objects(phi, 0, code)
     assert p.shape == (3, len(rows), 5)
     for k in range(len(rows)):
-        one = relevant_objects(phi, 0, op[:, k], a[:, k], b[:, k])
+        one = relevant_objects(phi, 0, Compiled(*(x[:, k] for x in code)))
         torch.testing.assert_close(p[:, k], one, atol=0, rtol=0)
 
 
@@ -84,9 +84,9 @@ def test_several_programs_for_each_scene_equal_one_at_a_time(
 def test_crisp_equals_satisfying(members: list[Program], seed: int, hand: int) -> None:
     table, rows = table_of(members)
     truth = np.random.default_rng(seed).random((WORDS, 5)) < 0.5
-    named = crisp(table.arrays(), truth, hand)
+    named = crisp(table.compiled(), truth, hand)
     assert named.shape == (len(table), 5) and named.dtype == np.bool_
-    np.testing.assert_array_equal(crisp(table.arrays(), truth.astype(float), hand), named)
+    np.testing.assert_array_equal(crisp(table.compiled(), truth.astype(float), hand), named)
     objects = [
         {w for w, holds in zip(VOCABULARY.words, column, strict=True) if holds}
         for column in truth.T
@@ -103,9 +103,9 @@ def test_the_two_sets_of_a_batch_equal_each_program_alone(
     table = ProgramTable(MOVING)
     rows = [table.add(program) for program in members]
     phi = random_phi(seed, len(rows), objects=5)
-    tensors = [x[rows] for x in (*program_tensors(table), torch.from_numpy(table.roles()))]
-    op, a, b, registers = tensors
-    sets = relevant_roles(phi, hand, op, a, b, registers, logic)
+    code = Compiled(*(x[rows] for x in program_tensors(table)))
+    registers = torch.stack([code.moved, code.target], -1)
+    sets = relevant_sets(phi, hand, code, registers, logic)
     truth = phi.numpy() < 0.5
     for i, program in enumerate(members):
         of = (program, phi[i].tolist(), MOVING.row, hand, logic, MOVING.bodiless)
@@ -113,8 +113,9 @@ def test_the_two_sets_of_a_batch_equal_each_program_alone(
         torch.testing.assert_close(sets[i], expected, atol=FLOAT32, rtol=0)
         objects = [{w for w in MOVING.words if column[MOVING.row[w]]} for column in truth[i].T]
         expected_sets = roles(program, objects, hand, MOVING.bodiless)
-        named = crisp_roles(table.arrays(), table.roles(), truth[i], hand)
-        np.testing.assert_array_equal(named[rows[i]], expected_sets)
+        named = crisp_sets(table.compiled(), truth[i], hand)
+        np.testing.assert_array_equal(named.moved[rows[i]], expected_sets[0])
+        np.testing.assert_array_equal(named.target[rows[i]], expected_sets[1])
 
 
 @given(programs, seeds)
@@ -122,8 +123,8 @@ def test_the_two_sets_of_a_batch_equal_each_program_alone(
 def test_crisp_equals_soft_on_zeros_and_ones(members: list[Program], seed: int) -> None:
     table, _ = table_of(members)
     phi = random_phi(seed, objects=5).round()
-    p = relevant_objects(phi.expand(len(table), -1, -1), 0, *program_tensors(table))
-    named = torch.from_numpy(crisp(table.arrays(), phi.numpy(), 0))
+    p = relevant_objects(phi.expand(len(table), -1, -1), 0, program_tensors(table))
+    named = torch.from_numpy(crisp(table.compiled(), phi.numpy(), 0))
     assert torch.equal(p[:, 1:], named[:, 1:].float())
     assert bool((p[:, 0] == 1).all()) and not named[:, 0].any()
 
@@ -135,16 +136,16 @@ def test_gradients_agree_with_finite_differences() -> None:
             for target in ("RED", "AND(RED, CUBE)", "OR(AND(NOT(RED), CUBE, CUBE), NOT(NOT(A)))")
         ]
     )
-    op, a, b = (x.unsqueeze(0).expand(2, -1, -1) for x in program_tensors(table))
+    code = Compiled(*(x.expand(2, *x.shape) for x in program_tensors(table)))
     phi = random_phi(3, 2, objects=3).double().requires_grad_()
-    assert torch.autograd.gradcheck(lambda x: relevant_objects(x, 0, op, a, b), (phi,))
+    assert torch.autograd.gradcheck(lambda x: relevant_objects(x, 0, code), (phi,))
 
 
 def test_exactly_the_words_of_a_program_get_gradients() -> None:
     """The paper chose these operations because each has derivatives to all arguments."""
     table, _ = table_of([parse("NEAR(HAND, OR(AND(NOT(RED), CUBE), A))", VOCABULARY)])
     phi = random_phi(5, 1, objects=4).requires_grad_()
-    total = relevant_objects(phi, 0, *program_tensors(table)).sum()
+    total = relevant_objects(phi, 0, program_tensors(table)).sum()
     (gradient,) = torch.autograd.grad(total, phi)
     named = [word in ("RED", "CUBE", "A") for word in VOCABULARY.words]
     blocks = gradient[0, :, 1:]
@@ -154,7 +155,7 @@ def test_exactly_the_words_of_a_program_get_gradients() -> None:
 
 def test_a_table_keeps_equal_programs_once_and_pads_with_copies() -> None:
     table = ProgramTable(VOCABULARY)
-    assert table.arrays()[0].shape[0] == 0
+    assert table.compiled().op.shape[0] == 0
     long = parse("NEAR(HAND, AND(NOT(RED), CUBE))", VOCABULARY)
     short = parse("NEAR(HAND, RED)", VOCABULARY)
     assert [table.add(short), table.add(long), table.add(parse(str(short), VOCABULARY))] == [
@@ -164,11 +165,12 @@ def test_a_table_keeps_equal_programs_once_and_pads_with_copies() -> None:
     ]
     assert len(table) == 2
     assert table.texts == (str(short), str(long))
-    op, a, b = table.arrays()
-    assert op.shape == (2, 3) and {x.dtype for x in (op, a, b)} == {np.dtype(np.int32)}
+    op, a, b, *others = code = table.compiled()
+    assert op.shape == (2, 3) and {x.dtype for x in code} == {np.dtype(np.int32)}
+    assert {x.shape for x in others} == {(2,)}
     p_of_short = WORDS + 1
     assert op[0, 1:].tolist() == [COPY, COPY]
     assert a[0, 1:].tolist() == b[0, 1:].tolist() == [p_of_short, p_of_short]
-    assert table.arrays()[0] is op
+    assert table.compiled() is code
     table.add(parse("NEAR(HAND, CUBE)", VOCABULARY))
-    assert table.arrays()[0].shape == (3, 3)
+    assert table.compiled().op.shape == (3, 3)

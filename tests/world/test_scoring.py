@@ -17,7 +17,7 @@ from pa_ros.core.experience import Float32
 from pa_ros.language import parse, roles
 from pa_ros.world import REWARDS, Reward, Scoring, Sparse, reward_from
 from pa_ros.world.poses import objects_from_poses
-from pa_ros.world.programs import ProgramTable, crisp_roles
+from pa_ros.world.programs import ProgramTable, crisp_sets
 from pa_ros.world.schema import PUSHING
 from pa_ros.world.scoring import REWARDED
 from pa_ros.world.world import World
@@ -161,7 +161,8 @@ def test_many_states_of_moved_objects_are_scored_as_one_pair_at_a_time() -> None
         objects = np.stack([objects_from_poses(PUSHING, chosen, one) for one in poses])
         hand = poses[:, 0].astype(np.float32)
         truth = MOVING.truth(objects[0]).T
-        sets = crisp_roles(table.arrays(), table.roles(), truth, 0)  # [P, 2, N]
+        code = crisp_sets(table.compiled(), truth, 0)
+        sets = np.stack([code.moved, code.target], 1)  # [P, 2, N]
         assert MOVING.schema.bodies(objects[0]).tolist() == ["PLACE" not in w for w in words]
         for j, program in enumerate(programs):
             moved, named = roles(program, words, 0, {"PLACE"})

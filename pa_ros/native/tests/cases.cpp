@@ -122,7 +122,8 @@ void fill(Trained& trained, std::mt19937& rng) {
 Codes::Codes(const Network& network, int length) : rows(3), length(length) {
     canonical = network.canonical;
     target = {0, 4, 1, 8, 3, 5}, relation = {2, 0, 2};
-    roles = {kWords, 0, kWords + length, 4, 2, kWords};
+    sets[kMoved] = {kWords, kWords + length, 2}, sets[kTarget] = {0, 4, kWords};
+    sets[kAvoided] = {0, 4, kWords};
     for (int i = 0; i < rows * length; i++) {
         const int k = i % length, last = kWords + k;  // registers: words, the hand, results
         op.push_back((i + i / length) % 4);

@@ -25,10 +25,13 @@ struct Codes {  // three programs of the longest there is, or targets
     Codes(const pa::Network& network, int length);
     void tell(pa::Engine& engine) const;
 
-    std::vector<int32_t> op, a, b, target, relation, roles;
+    std::vector<int32_t> op, a, b, target, relation, sets[pa::kSets];
     int rows, length;
     bool canonical;
-    pa::Programs programs() const { return {rows, length, op.data(), a.data(), b.data(), relation.data(), roles.data()}; }
+    pa::Programs programs() const {
+        return {rows, length, op.data(), a.data(), b.data(), relation.data(),
+                {sets[0].data(), sets[1].data(), sets[2].data()}};
+    }
     pa::Targets targets() const { return {rows, target.data()}; }
 };
 

@@ -84,9 +84,12 @@ void test_actions_of(const Size& size, const Case& made, const Level& level) {
         Targets target = table.targets();
         program.rows = target.rows = 1;
         const Observation given{objects, objects - 1, seen.object.data(), seen.arm.data()};
-        if (made.actor.canonical) actor.act(given, target, action);
-        else actor.act(given, program, action);
+        if (made.actor.canonical) actor.set_target(target);
+        else actor.set_program(program);
+        std::vector<float> degrees((1 + kSets) * objects);
+        actor.act(given, action, degrees.data());
         for (float x : action) require(x >= -1 && x <= 1, "actions are bounded");
+        for (float x : degrees) require(x >= 0 && x <= 1.0001f, "degrees are degrees");
     }
 }
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pa_ros.acting.actor import Actor
 from pa_ros.acting.errors import ActingError
+from pa_ros.acting.executing import Actor
 from pa_ros.acting.send_window import Wait
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import (

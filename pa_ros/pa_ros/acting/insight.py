@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pa_ros.acting.actor import Actor
 from pa_ros.acting.errors import ActingError
+from pa_ros.acting.executing import Actor
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.experience import Float32, Float64, Observation, PolicySnapshot
 from pa_ros.language import (
@@ -80,7 +80,7 @@ class Insight:
 
     def explain(self, observation: Observation, program: Program | None) -> Explanation:
         """Raises ProgramError if the program is of another vocabulary."""
-        phi, vocabulary = self._actor.degrees(observation), self._world.vocabulary
+        phi, vocabulary = self._actor.phi(observation), self._world.vocabulary
         words, row = vocabulary.words, vocabulary.row
         labels = self._world.schema.labels(observation.objects, observation.hand_index)
         if program is None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pa_ros.acting.actor import Actor
 from pa_ros.acting.agent import Agent, ArenaFacts, check_arena, network_of
 from pa_ros.acting.config import ExplorationConfig
 from pa_ros.acting.errors import ActingError
+from pa_ros.acting.executing import Actor
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.acting.send_window import FreeSendWindow, SendWindow, Wait
 from pa_ros.acting.trajectories import TrajectoryBuilder

@@ -18,7 +18,7 @@ from pa_ros.arena.task import ReachTask
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation
 from pa_ros.language import Program
-from pa_ros.language.flat import COPY, FlatProgram, compile_program
+from pa_ros.language.flat import COPY, Compiled, compile_program
 from pa_ros.world.world import World
 
 PROGRAM_ROWS = 24  # instructions; the paper's conditions need 11, programs of depth 6 about 16
@@ -130,28 +130,29 @@ class StructuredObservation:
         # The hand's row is first in this observation, whatever its index is elsewhere.
         seen = np.roll(observation.objects, -hand, axis=0)
         objects[: len(seen)] = seen
-        flat = compile_program(program, self._vocabulary)
+        code = compile_program(program, self._vocabulary)
         parts: dict[str, Any] = {
             "objects": objects,
             "arm": self._world.arm(observation),
-            "program": self._instructions(program, flat),
+            "program": self._instructions(program, code),
         }
         if self._vocabulary.moves_objects:
-            parts["sets"] = np.array([flat.moved, flat.target], np.int64)
+            parts["sets"] = np.array([code.moved, code.target], np.int64)
         if self._vocabulary.avoids:
-            parts["avoided"] = np.int64(flat.avoided)
+            parts["avoided"] = np.int64(code.avoided)
         if "relation" in self.space.spaces:
-            parts["relation"] = np.int64(self._vocabulary.relations.index(program.relation))
+            parts["relation"] = np.int64(code.relation)
         return parts
 
     def _instructions(
-        self, program: Program, flat: FlatProgram
+        self, program: Program, code: Compiled
     ) -> np.ndarray[Any, np.dtype[np.int64]]:
-        if len(flat) > self._rows:
+        length = len(code.op)
+        if length > self._rows:
             raise ConfigError(
-                f"gym: program_rows: expected at least {len(flat)} for {program}, got {self._rows}"
+                f"gym: program_rows: expected at least {length} for {program}, got {self._rows}"
             )
-        result = len(self._vocabulary.words) + len(flat)  # the register of p
+        result = len(self._vocabulary.words) + length  # the register of p
         rows = np.tile(np.array([COPY, result, result], np.int64), (self._rows, 1))
-        rows[: len(flat)] = np.stack([flat.op, flat.a, flat.b], -1)
+        rows[:length] = np.stack([code.op, code.a, code.b], -1)
         return rows.ravel()

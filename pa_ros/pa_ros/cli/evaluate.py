@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.arena import ArenaConfig, Design, ReachTask, condition_named
 from pa_ros.arena.camera import PICTURES
 from pa_ros.arena.formulas import FORMULAS

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.acting.insight import Explanation, Insight
 from pa_ros.arena import ArenaChoice, ArenaConfig, Design, design_named
 from pa_ros.core.errors import ConfigError

@@ -21,9 +21,10 @@ from pa_ros.core.experience import Observation
 from pa_ros.evaluation.agents import TrainedAgent
 from pa_ros.evaluation.evaluate import EPISODES_SEED
 from pa_ros.language import LOGICS, MIN_MAX, And, Expression, Not, Or, Program, Word
+from pa_ros.language.flat import Compiled
 from pa_ros.networks.config import actor_config
-from pa_ros.networks.inference import TorchActor
 from pa_ros.networks.relevance import program_tensors, relevant_objects
+from pa_ros.networks.torch_actor import TorchActor
 from pa_ros.perception import task_seen
 from pa_ros.world.programs import ProgramTable
 
@@ -164,9 +165,9 @@ class _Comparison:
         arms = map(self._world.arm, seen)
         scenes = zip(seen, arms, strict=True)
         phi = np.stack([self._inference.properties(o.objects, arm) for o, arm in scenes])
-        op, a, b = (code.expand(len(seen), *code.shape) for code in program_tensors(table))
+        fields = (field.expand(len(seen), *field.shape) for field in program_tensors(table))
         hand = seen[0].hand_index
-        p = relevant_objects(torch.from_numpy(phi), hand, op, a, b, self._logic)
+        p = relevant_objects(torch.from_numpy(phi), hand, Compiled(*fields), self._logic)
         return np.asarray(p.numpy())
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.arena import ARMS, conditions_for, random_policy, training_programs
 from pa_ros.core.errors import ConfigError, needs_extra
 from pa_ros.core.experience import Observation
@@ -60,7 +60,7 @@ def export_onnx(agent: TrainedAgent, path: Path, programs: Sequence[Program] = (
         codes = program_inputs(program, network).items()
         feeds |= {name: np.array([code] * len(scenes), np.int64) for name, code in codes}
         (actions,) = session.run(["action"], feeds)
-        expected = np.array([actor.infer(seen, program) for seen in scenes])
+        expected = np.array([actor.infer(seen, program).action for seen in scenes])
         worst = max(worst, float(np.abs(actions - expected).max()))
     if not worst <= PARITY:
         raise ConfigError(

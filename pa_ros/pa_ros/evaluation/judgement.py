@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.arena import ReachTask
 from pa_ros.core.experience import Observation
 from pa_ros.core.text import Report

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import reduce
+from typing import Any, NamedTuple
 
 from pa_ros.language.errors import ProgramError
 from pa_ros.language.evaluate import check_words, foreign_word
@@ -14,41 +14,39 @@ NOT, AND, OR, COPY = range(4)
 """Operations: 1 - x, both(x, y), either(x, y) (`evaluate.Logic`) and x (padding)."""
 
 
-@dataclass(frozen=True, slots=True)
-class FlatProgram:
-    """Instructions over registers, each a vector over objects.
+class Compiled(NamedTuple):
+    """A program as straight-line code over registers, each a vector over objects; all engines take
+    its fields by name. Fields are numbers of one program, arrays of several (`ProgramTable`), or
+    tensors of a batch.
 
     With V words: registers 0 … V-1 are the rows of Φ, register V is HAND (1 for the hand, else
     0), and instruction k writes register V+1+k = op[k](register a[k], register b[k]). The last
     register is p = OR(HAND, e). Equal subexpressions share a register. NOT and COPY have b == a.
 
-    `moved` and `target` are the registers of the program's two sets, V if a set is HAND. At the
-    hand's column a set is 1 if its register is V, else 0, whatever the register contains there. If
-    objects are to be moved, p = OR(HAND, OR(moved, target)). `avoided` is the register of the set
-    to avoid, V if there is none.
+    At the hand's column a set is 1 if its register is V, else 0, whatever the register contains
+    there. If objects are to be moved, p = OR(HAND, OR(moved, target)).
     """
 
-    op: tuple[int, ...]
-    a: tuple[int, ...]
-    b: tuple[int, ...]
-    moved: int
-    target: int
-    avoided: int
-
-    def __len__(self) -> int:
-        return len(self.op)
+    op: Any  # instructions, L of each program
+    a: Any
+    b: Any
+    relation: Any  # its number among the vocabulary's
+    moved: Any  # register of the set that is moved, V if it is HAND
+    target: Any  # register of the set that it is moved to
+    avoided: Any  # register of the set to avoid, V if there is none
 
 
-def compile_program(program: Program, vocabulary: Vocabulary) -> FlatProgram:
+def compile_program(program: Program, vocabulary: Vocabulary) -> Compiled:
     """Compile a program for the rows of `vocabulary`.
 
     The relation does not become an instruction, because p does not depend on it. Raises
-    ProgramError: program.unknown_word for another vocabulary's, program.compares for comparisons.
+    ProgramError: program.unknown_word for another vocabulary's, program.compares for comparisons,
+    program.avoids where networks do not learn to avoid.
     """
     if program.relation not in vocabulary.relations:
         raise foreign_word(program, program.relation, vocabulary.relation_row)
     check_words(program, vocabulary.row, vocabulary.avoids)
-    if program.compares:  # p knows no places: `acting.actor` compares for an agent that acts
+    if program.compares:  # p knows no places: `acting.executing` compares for an agent that acts
         text = str(program)
         name = next(filter(None, program.chosen))
         span = Span(at := text.index(f"{name}("), at + len(name))
@@ -65,7 +63,8 @@ def compile_program(program: Program, vocabulary: Vocabulary) -> FlatProgram:
     # p = OR(HAND, e) is always the last instruction, so evaluators need no other end mark.
     code.emit(OR, hand, either)
     op, a, b = zip(*code.instructions, strict=True)
-    return FlatProgram(op, a, b, moved, target, avoided)
+    relation = vocabulary.relation_row[program.relation]
+    return Compiled(op, a, b, relation, moved, target, avoided)
 
 
 class _Code:

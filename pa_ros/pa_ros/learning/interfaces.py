@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.core.experience import Float64, Observation, PublishedPolicy, Verdict
 from pa_ros.language import Program
 from pa_ros.learning.run import LearningRun

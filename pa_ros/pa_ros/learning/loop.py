@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from pa_ros.acting.actor import Actor
+from pa_ros.acting.executing import Actor
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64, PublishedPolicy, Step

@@ -183,9 +183,9 @@ class Engine:
     @property
     def critic(self) -> Trained: ...
 
-    def set_programs(self, op: Annotated[NDArray, dict(device='cpu', writable=False)], a: Annotated[NDArray, dict(device='cpu', writable=False)], b: Annotated[NDArray, dict(device='cpu', writable=False)], relation: Annotated[NDArray, dict(device='cpu', writable=False)], roles: Annotated[NDArray, dict(device='cpu', writable=False)]) -> None:
+    def set_programs(self, *, op: Annotated[NDArray, dict(device='cpu', writable=False)], a: Annotated[NDArray, dict(device='cpu', writable=False)], b: Annotated[NDArray, dict(device='cpu', writable=False)], relation: Annotated[NDArray, dict(device='cpu', writable=False)], moved: Annotated[NDArray, dict(device='cpu', writable=False)], target: Annotated[NDArray, dict(device='cpu', writable=False)], avoided: Annotated[NDArray, dict(device='cpu', writable=False)]) -> None:
         """
-        What rows of batches mean: flat programs, each [P, L] int32, the relation that each asks for, [P], where there are several, else [0], and the registers of what it moves and of its target, [P, 2], where there are roles, else [0, 2].
+        What rows of batches mean: compiled programs by the fields of their record, instructions [P, L] and all else [P], int32.
         """
 
     def set_targets(self, words: Annotated[NDArray, dict(device='cpu', writable=False)]) -> None:
@@ -206,13 +206,16 @@ class Actor:
     @property
     def parameters(self) -> Annotated[NDArray[numpy.float32], dict(shape=(None,))]: ...
 
-    def act_on_program(self, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, op: Annotated[NDArray, dict(device='cpu', writable=False)], a: Annotated[NDArray, dict(device='cpu', writable=False)], b: Annotated[NDArray, dict(device='cpu', writable=False)], relation: Annotated[NDArray, dict(device='cpu', writable=False)], roles: Annotated[NDArray, dict(device='cpu', writable=False)], out: Annotated[NDArray, dict(device='cpu')]) -> None:
-        """
-        Objects [N, F], arm [A], a flat program, each [1, L], its relation [1] or [0], its roles [1, 2] or [0, 2]; writes the action, [J].
-        """
+    def set_program(self, *, op: Annotated[NDArray, dict(device='cpu', writable=False)], a: Annotated[NDArray, dict(device='cpu', writable=False)], b: Annotated[NDArray, dict(device='cpu', writable=False)], relation: Annotated[NDArray, dict(device='cpu', writable=False)], moved: Annotated[NDArray, dict(device='cpu', writable=False)], target: Annotated[NDArray, dict(device='cpu', writable=False)], avoided: Annotated[NDArray, dict(device='cpu', writable=False)]) -> None:
+        """Act on one program from now on: as `Engine.set_programs`, with P = 1."""
 
-    def act_on_target(self, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, words: Annotated[NDArray, dict(device='cpu', writable=False)], out: Annotated[NDArray, dict(device='cpu')]) -> None:
+    def set_target(self, words: Annotated[NDArray, dict(device='cpu', writable=False)]) -> None:
         """The same for canonical networks: the target's words, [1, groups]."""
+
+    def act(self, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, action: Annotated[NDArray, dict(device='cpu')], degrees: Annotated[NDArray, dict(device='cpu')]) -> None:
+        """
+        Objects [N, F], arm [A]; writes the action, [J], and the degrees [4, N] of p, what is moved, the target and what is avoided; [0, N] for canonical networks.
+        """
 
 def level() -> str:
     """The instruction set in use."""

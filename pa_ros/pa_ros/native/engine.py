@@ -22,11 +22,11 @@ from pa_ros.native.tensors import FlatTensors
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.detectors import sharpened
 from pa_ros.networks.families import family_of
+from pa_ros.networks.inference import SETS, Acted
 from pa_ros.networks.parameters import Tensors
 from pa_ros.world.programs import ProgramTable
 
 Arrays = dict[str, NDArray[Any]]
-Int32 = NDArray[np.int32]
 log = logging.getLogger(__name__)
 
 
@@ -103,7 +103,7 @@ class FusedEngine:
         # Programs join the table as trajectories arrive; the library gets the table only when it
         # grew.
         if self._known != len(self._table):
-            self._family.set_programs(self._engine, self._network, self._table)
+            self._family.set_programs(self._engine, self._table)
             self._known = len(self._table)
         # Adam corrects its moments for having started at zero; the powers are taken here in
         # float64.
@@ -193,22 +193,24 @@ class FusedActor:
         described = self._family.describe(config, critic=False, logic=logic)
         self._actor = _fused.Actor(described)
         self._flat = FlatTensors(described, self._actor.parameters)
-        self._run = self._family.runner(self._actor)
-        self._actions = config.world.actions
-        self._newest: tuple[Program, tuple[Int32, ...]] | None = None  # a program and its codes
+        self._actions, self._sets = config.world.actions, 0 if described.is_canonical else SETS
+        self._newest: Program | None = None  # that the library has
         self.load(tensors)
 
     def load(self, tensors: Tensors) -> None:
         """Act with these weights from now on."""
         self._flat.write(sharpened(tensors, self._logic))
 
-    def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
-        """Action in [-1, 1], [J], for objects [N, F] and arm [A]."""
-        action = np.empty(self._actions, np.float32)
+    def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Acted:
+        """See `Inference.act`."""
         # Compiling takes longer than acting, and an agent acts on one program for many steps.
-        if self._newest is None or self._newest[0] is not program:
-            self._newest = program, self._family.codes(program, self._config)
+        if self._newest is not program:
+            self._newest = None  # if compiling fails, the library's is not the newest
+            self._family.set_program(self._actor, program, self._config)
+            self._newest = program
+        action = np.empty(self._actions, np.float32)
+        degrees = np.empty((self._sets, len(objects)), np.float32)
         objects = np.ascontiguousarray(objects, np.float32)
         arm = np.ascontiguousarray(arm, np.float32)
-        self._run(objects, arm, hand_index, *self._newest[1], action)
-        return action
+        self._actor.act(objects, arm, hand_index, action, degrees)
+        return Acted(action, degrees)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from pa_ros.native import _fused
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import (
     Canonical,
-    Codes,
     Family,
     Programmable,
     codes_of,
@@ -63,19 +61,14 @@ class FusedTrunk:
             **_world(network),
         )
 
-    def set_programs(
-        self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable
-    ) -> None:
+    def set_programs(self, engine: _fused.Engine, table: ProgramTable) -> None:
         """Pass a table's programs."""
-        engine.set_programs(*_codes(network, family_of(network).codes(table)))
+        engine.set_programs(**table.compiled()._asdict())
 
-    def codes(self, program: Program, network: NetworkConfig) -> tuple[Int32, ...]:
-        """A program for `runner`: `op`, `a` and `b`, each [1, L], the relation and the roles."""
-        return _codes(network, codes_of(program, network))
-
-    def runner(self, actor: _fused.Actor) -> Callable[..., None]:
-        """A function of objects, arm, hand index, program codes and the array for the action."""
-        return actor.act_on_program
+    def set_program(self, actor: _fused.Actor, program: Program, network: NetworkConfig) -> None:
+        """Let an actor act on a program; ProgramError if it cannot be compiled."""
+        table = ProgramTable(network.vocabulary, [program])
+        actor.set_program(**table.compiled()._asdict())
 
 
 class Mlp:
@@ -98,37 +91,18 @@ class Mlp:
             **_world(network),
         )
 
-    def set_programs(
-        self, engine: _fused.Engine, network: NetworkConfig, table: ProgramTable
-    ) -> None:
+    def set_programs(self, engine: _fused.Engine, table: ProgramTable) -> None:
         """Pass a table's programs; NetworkError for one that cannot be represented."""
-        (one_hots,) = family_of(network).codes(table)
+        (one_hots,) = Canonical().codes(table)
         engine.set_targets(_words(one_hots))
 
-    def codes(self, program: Program, network: NetworkConfig) -> tuple[Int32, ...]:
-        """A program as `act` takes it. NetworkError if it cannot be represented."""
+    def set_program(self, actor: _fused.Actor, program: Program, network: NetworkConfig) -> None:
+        """Let an actor act on a program; NetworkError if it cannot be represented."""
         (one_hots,) = codes_of(program, network)
-        return (_words(one_hots),)
-
-    def runner(self, actor: _fused.Actor) -> Callable[..., None]:
-        """A function of objects, arm, hand index, program codes and the array for the action."""
-        return actor.act_on_target
+        actor.set_target(_words(one_hots))
 
 
 FUSED: dict[type[Family], FusedTrunk | Mlp] = {Programmable: FusedTrunk(), Canonical: Mlp()}
-
-
-def _codes(network: NetworkConfig, codes: Codes) -> tuple[Int32, Int32, Int32, Int32, Int32]:
-    """`op`, `a`, `b`; the number of each program's relation (empty if the world has one relation);
-    and two registers for each program: its two sets where programs move objects, the avoided set
-    twice where they avoid, else empty."""
-    op, a, b, *more = (code.astype(np.int32, copy=False) for code in codes)
-    roles = np.zeros((0, 2), np.int32)
-    if network.vocabulary.moves_objects:
-        roles = more.pop()
-    elif network.vocabulary.avoids:
-        roles = np.stack([more.pop()] * 2, axis=-1)
-    return op, a, b, more[0] if more else np.zeros(0, np.int32), roles
 
 
 def _words(one_hots: NDArray[np.generic]) -> Int32:

@@ -34,7 +34,8 @@ Shapes = dict[str, tuple[int, ...]]
 Tensors = dict[str, Float32]
 """Weights by state-dict name."""
 Codes = tuple[Float32 | Int32, ...]
-"""Programs as the networks take them, arrays [P, …] for the P programs of a table."""
+"""Programs as the networks take them, arrays [P, …] for the P programs of a table: the fields of
+`Compiled`, or what another family needs."""
 
 
 class Family(ABC):
@@ -51,7 +52,7 @@ class Family(ABC):
     def modules(self) -> tuple[type[Any], type[Any]]:
         """Classes of actor and critic, torch modules that are made from a NetworkConfig.
 
-        The actor is called with objects [B, N, F], arm [B, A], `goals` and the hand's index, and
+        The actor is called with objects [B, N, F], arm [B, A], `programs` and the hand's index, and
         returns actions [B, K, J]. The critic has `trunk`, which takes the same and returns
         [B, K, H], and `head`, which takes that and an action and returns Q [B, K].
         """
@@ -61,7 +62,7 @@ class Family(ABC):
         """A table's programs. NetworkError if the networks cannot represent one of them."""
 
     @abstractmethod
-    def goals(self, network: NetworkConfig, *codes: Any) -> Any:
+    def programs(self, *codes: Any) -> Any:
         """Programs as the modules take them, from `codes` gathered as tensors [B, K, …]."""
 
     @abstractmethod
@@ -101,20 +102,12 @@ class DetectorFamily(Family):
     evaluates_programs: ClassVar[bool] = True
 
     def codes(self, table: ProgramTable) -> Codes:
-        codes: Codes = table.arrays()
-        if table.vocabulary.relation_inputs:
-            codes = (*codes, table.relations())
-        if table.vocabulary.avoids:
-            codes = (*codes, table.avoided())
-        return (*codes, table.roles()) if table.vocabulary.moves_objects else codes
+        return table.compiled()
 
-    def goals(self, network: NetworkConfig, *codes: Any) -> Any:
+    def programs(self, *codes: Any) -> Any:
         from pa_ros.networks.programmable import Programs
 
-        op, a, b, *more = codes
-        roles = more.pop() if network.vocabulary.moves_objects else None
-        avoided = more.pop() if network.vocabulary.avoids else None
-        return Programs(op, a, b, more[0] if more else None, roles, avoided)
+        return Programs(*codes)
 
     def check(self, program: Program, vocabulary: Vocabulary) -> None:
         compile_program(program, vocabulary)
@@ -212,7 +205,7 @@ class Canonical(Family):
         programs = table.programs
         return (np.stack([target_one_hots(program, table.vocabulary) for program in programs]),)
 
-    def goals(self, network: NetworkConfig, *codes: Any) -> Any:
+    def programs(self, *codes: Any) -> Any:
         return codes[0]
 
     def check(self, program: Program, vocabulary: Vocabulary) -> None:

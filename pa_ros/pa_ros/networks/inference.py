@@ -1,19 +1,23 @@
-"""One actor, one observation: by the torch reference, where the fused code does not apply."""
+"""One actor, one observation: what is computed, by fused code or by torch."""
 
 from __future__ import annotations
 
-from functools import lru_cache
-from typing import Any, Protocol
-
-import numpy as np
-import torch
+from typing import NamedTuple, Protocol
 
 from pa_ros.core.experience import Float32
-from pa_ros.language import PRODUCT, Logic, Program
-from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.detectors import sharpened
-from pa_ros.networks.families import codes_of, family_of
+from pa_ros.language import Program
 from pa_ros.networks.parameters import Tensors
+
+RELEVANT, MOVED, TARGET, AVOIDED = range(4)
+"""Rows of `Acted.degrees`: p, then the sets of what is moved, where to, and what to avoid."""
+SETS = 4
+
+
+class Acted(NamedTuple):
+    """An action, and how far the program means each object of the scene."""
+
+    action: Float32  # [J] in [-1, 1]
+    degrees: Float32  # [4, N]; [0, N] of networks that evaluate no programs
 
 
 class Inference(Protocol):
@@ -22,45 +26,6 @@ class Inference(Protocol):
     def load(self, tensors: Tensors) -> None:
         """Act with these weights, which fit the network, from now on."""
 
-    def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
-        """Action in [-1, 1], [J], for objects [N, F] and arm [A]."""
-
-
-class TorchActor:
-    """`Inference` by the modules of `pa_ros.networks`.
-
-    Networks that evaluate no programs ignore `logic`.
-    """
-
-    def __init__(self, config: NetworkConfig, tensors: Tensors, logic: Logic = PRODUCT) -> None:
-        self._config = config
-        self._module = family_of(config).modules()[0](config).eval().requires_grad_(False)
-        self._module.logic = logic
-        self.load(tensors)
-
-    def load(self, tensors: Tensors) -> None:
-        sharp = sharpened(tensors, self._module.logic)
-        self._module.load_state_dict({k: torch.from_numpy(v) for k, v in sharp.items()})
-
-    @torch.inference_mode()
-    def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
-        """Action in [-1, 1], [J]; NetworkError for a program it cannot represent."""
-        goals = _goals(program, self._config)
-        action = self._module(_scene(objects), _scene(arm), goals, hand_index)
-        return np.asarray(action[0, 0].numpy())
-
-    @torch.inference_mode()
-    def properties(self, objects: Float32, arm: Float32) -> Float32:
-        """Φ, [V, N], of networks that evaluate programs."""
-        return np.asarray(self._module.phi(_scene(objects), _scene(arm))[0].numpy())
-
-
-def _scene(array: Float32) -> torch.Tensor:
-    return torch.from_numpy(np.ascontiguousarray(array, np.float32))[None]
-
-
-@lru_cache(maxsize=1024)
-def _goals(program: Program, network: NetworkConfig) -> Any:
-    """One program for one scene, as the modules take it."""
-    codes = codes_of(program, network)
-    return family_of(network).goals(network, *(torch.from_numpy(code)[None] for code in codes))
+    def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Acted:
+        """Act on objects [N, F] and arm [A]; NetworkError or ProgramError for a program that the
+        network cannot represent."""

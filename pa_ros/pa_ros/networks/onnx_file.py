@@ -31,13 +31,13 @@ def program_inputs(program: Program, network: NetworkConfig) -> dict[str, Any]:
     Raises ProgramError for a word or relation that the network does not know.
     """
     vocabulary = network.vocabulary
-    flat = compile_program(program, vocabulary)
-    inputs: dict[str, Any] = {"program": [*map(list, zip(flat.op, flat.a, flat.b, strict=True))]}
-    if vocabulary.relation_inputs:
-        inputs["relation"] = vocabulary.relation_row[program.relation]
-    if vocabulary.moves_objects:
-        inputs["roles"] = [flat.moved, flat.target]
-    return inputs
+    code = compile_program(program, vocabulary)
+    inputs: dict[str, Any] = {
+        "program": [*map(list, zip(code.op, code.a, code.b, strict=True))],
+        "relation": code.relation,
+        "roles": [code.moved, code.target],
+    }
+    return {name: inputs[name] for name in meanings(network) if name in inputs}
 
 
 def meanings(network: NetworkConfig) -> dict[str, tuple[tuple[str | int, ...], str]]:

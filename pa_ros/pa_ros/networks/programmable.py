@@ -8,51 +8,39 @@ layer, being linear, is applied once to the weighted sum of messages, since only
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from pa_ros.language import PRODUCT, Logic
+from pa_ros.language.flat import Compiled
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import LITTLE, NOTHING
 from pa_ros.networks.properties import TrueProperties
-from pa_ros.networks.relevance import relevant_objects, relevant_roles
+from pa_ros.networks.relevance import relevant_objects, relevant_sets
 
 
-@dataclass(frozen=True)
-class Programs:
-    """K flat programs for each of B scenes: `op`, `a`, `b` are int tensors [B, K, L], `relation` is
-    [B, K], the number of each one's relation where a world has several, and `roles` [B, K, 2] the
-    registers of what is moved and of the target, where programs move objects. `avoided` [B, K] is
-    the register of what is avoided, where networks learn that."""
+class Programs(Compiled):
+    """K compiled programs for each of B scenes, int tensors: instructions [B, K, L], all else
+    [B, K]."""
 
-    op: Tensor
-    a: Tensor
-    b: Tensor
-    relation: Tensor | None = None
-    roles: Tensor | None = None
-    avoided: Tensor | None = None
+    __slots__ = ()
 
     def relevant_objects(self, phi: Tensor, hand_index: int, logic: Logic = PRODUCT) -> Tensor:
         """p, [B, K, N], of Φ [B, V, N]; see `pa_ros.world.programs`."""
-        return relevant_objects(phi, hand_index, self.op, self.a, self.b, logic)
+        return relevant_objects(phi, hand_index, self, logic)
 
     def sets(self, phi: Tensor, hand_index: int, logic: Logic) -> tuple[Tensor, Tensor]:
         """Degrees p1 and p2 of the moved and the target set, [B, K, N] each."""
-        assert self.roles is not None
-        found = relevant_roles(phi, hand_index, self.op, self.a, self.b, self.roles, logic)
-        moved, target = found.unbind(-2)
+        registers = torch.stack([self.moved, self.target], -1)
+        moved, target = relevant_sets(phi, hand_index, self, registers, logic).unbind(-2)
         return moved, target
 
     def to_avoid(self, phi: Tensor, hand_index: int, logic: Logic) -> Tensor:
         """Degrees of the set to avoid, p_avoid [B, K, N]; all 0 for programs that avoid nothing."""
-        assert self.avoided is not None
-        roles = self.avoided[..., None]
-        found = relevant_roles(phi, hand_index, self.op, self.a, self.b, roles, logic)[..., 0, :]
-        return found * (torch.arange(phi.shape[-1], device=phi.device) != hand_index).to(phi)
+        degrees = relevant_sets(phi, hand_index, self, self.avoided[..., None], logic)[..., 0, :]
+        return degrees * (torch.arange(phi.shape[-1], device=phi.device) != hand_index).to(phi)
 
 
 class Weight(nn.Module):
@@ -117,11 +105,14 @@ class Trunk(Detectors):
         hidden = config.hidden
         self.local = nn.ModuleList([nn.Linear(columns, hidden), nn.Linear(hidden, hidden)])
         self.message = nn.ModuleList([nn.Linear(2 * columns, hidden), nn.Linear(hidden, hidden)])
-        if several := config.vocabulary.relation_inputs:
+        self._of_pairs = config.vocabulary.moves_objects
+        self._of_relations = config.vocabulary.relation_inputs
+        self._of_avoided = config.vocabulary.avoids
+        if self._of_relations:
             # A vector for each relation, added in the first layer of r: "parameterizing the
             # message passing operation based on the relation to be achieved" (paper, appendix).
-            self.relation = Weight(hidden, several)
-        if config.vocabulary.avoids:
+            self.relation = Weight(hidden, self._of_relations)
+        if self._of_avoided:
             last = nn.Linear(hidden, hidden, bias=False)
             self.avoid = nn.ModuleList([nn.Linear(columns, hidden), last])
         upper = [nn.Linear(hidden, hidden) for _ in range(config.upper_layers)]
@@ -132,12 +123,12 @@ class Trunk(Detectors):
         phi = self.phi(objects, arm)
         columns = self.columns(objects, arm) * self.seen
         scores = self._scores(columns)  # [B, N, N]
-        if programs.roles is None:
-            p = programs.relevant_objects(phi, hand_index, self.logic)  # [B, K, N]
-            weights = p[..., None] * self._attention(scores, p)  # [B, K, N, N]
-        else:
+        if self._of_pairs:
             weights = self._pairs(scores, *programs.sets(phi, hand_index, self.logic))
             p = weights.sum(-1)
+        else:
+            p = programs.relevant_objects(phi, hand_index, self.logic)  # [B, K, N]
+            weights = p[..., None] * self._attention(scores, p)  # [B, K, N, N]
         first, local_last = _layers(self.local)
         message_last = _layers(self.message)[1]
         local = torch.tanh(first(columns))  # [B, N, H]
@@ -146,7 +137,7 @@ class Trunk(Detectors):
         # the last layers of f and r; every row of α sums to one, so both biases weigh Σ p
         bias = p.sum(-1, keepdim=True) * (local_last.bias + message_last.bias)
         h = f @ local_last.weight.T + r @ message_last.weight.T + bias
-        if programs.avoided is not None:
+        if self._of_avoided:
             first, last = _layers(self.avoid)
             h = h + last(
                 programs.to_avoid(phi, hand_index, self.logic) @ torch.tanh(first(columns))
@@ -189,13 +180,13 @@ class Trunk(Detectors):
         ones = torch.ones(n, n, dtype=self.seen.dtype, device=self.seen.device)
         return ones.fill_diagonal_(self._self_weight)
 
-    def _pooled(self, weights: Tensor, sums: Tensor, relation: Tensor | None) -> Tensor:
+    def _pooled(self, weights: Tensor, sums: Tensor, relation: Tensor) -> Tensor:
         """Σ p_i α_ij tanh(r0_ij), [B, K, H], of weights [B, K, N, N] and r0 [B, N, N, H].
 
         Programs of one relation share their messages; where there are several, each program's have
         its own relation's share: one pass for a batch that mixes them, and K times the messages.
         """
-        if relation is None:
+        if not self._of_relations:
             return weights.flatten(2) @ torch.tanh(sums).flatten(1, 2)
         shares = self.relation.weight.T[relation][:, :, None, None]  # [B, K, 1, 1, H]
         messages = torch.tanh(sums[:, None] + shares)  # [B, K, N, N, H]

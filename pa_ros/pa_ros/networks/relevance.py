@@ -9,59 +9,50 @@ import torch
 from torch import Tensor
 
 from pa_ros.language import PRODUCT, Logic
-from pa_ros.language.flat import AND, NOT, OR
+from pa_ros.language.flat import AND, NOT, OR, Compiled
 from pa_ros.world.programs import COEFFICIENTS, ProgramTable
 
 Joined = Callable[[int, Tensor, Tensor], Tensor]
 """Compute instruction k of each program from its sources, [B, K, N] each."""
 
 
-def program_tensors(table: ProgramTable) -> tuple[Tensor, Tensor, Tensor]:
-    """`op`, `a`, `b` of a table as new int64 tensors, each [P, L]; rows index a batch."""
-    op, a, b = (torch.tensor(x, dtype=torch.int64) for x in table.arrays())
-    return op, a, b
+def program_tensors(table: ProgramTable) -> Compiled:
+    """A table's programs as new int64 tensors; rows index a batch."""
+    return Compiled(*(torch.tensor(field, dtype=torch.int64) for field in table.compiled()))
 
 
 def relevant_objects(
-    phi: Tensor, hand_index: int, op: Tensor, a: Tensor, b: Tensor, logic: Logic = PRODUCT
+    phi: Tensor, hand_index: int, programs: Compiled, logic: Logic = PRODUCT
 ) -> Tensor:
     """Relevant objects vector p = OR(HAND, e) of each program (paper, eq. logic), differentiable.
 
-    `phi` is [B, V, N] in [0, 1]; `op`, `a`, `b` are flat programs, integers [B, L] for p [B, N] or
-    [B, K, L] for p [B, K, N], K programs for each Φ. Any number of leading dimensions will do, as
-    long as those of `phi` are the first of the programs'. p of the hand is 1, to rounding. All on
-    one device; no loop over samples, one step for each of the L instructions.
+    `phi` is [B, V, N] in [0, 1]; the fields of `programs` are integers, instructions [B, L] for p
+    [B, N] or [B, K, L] for p [B, K, N], K programs for each Φ. Any number of leading dimensions
+    will do, as long as those of `phi` are the first of the programs'. p of the hand is 1, to
+    rounding. All on one device; no loop over samples, one step for each of the L instructions.
     """
-    return _registers(phi, hand_index, op, a, b, logic)[..., -1, :]
+    return _registers(phi, hand_index, programs, logic)[..., -1, :]
 
 
-def relevant_roles(
-    phi: Tensor,
-    hand_index: int,
-    op: Tensor,
-    a: Tensor,
-    b: Tensor,
-    roles: Tensor,
-    logic: Logic,
+def relevant_sets(
+    phi: Tensor, hand_index: int, programs: Compiled, registers: Tensor, logic: Logic
 ) -> Tensor:
-    """Degrees of sets of each program, such as p1 and p2 (what is moved, and the target): [B, S, N]
-    or [B, K, S, N]. Other arguments are those of `relevant_objects`.
+    """Degrees of S sets of each program, [B, S, N] or [B, K, S, N], such as p1 and p2. Other
+    arguments are those of `relevant_objects`.
 
-    `roles` are registers of the sets (`ProgramTable.roles`), [B, S] or [B, K, S]. Only HAND,
-    register V, contains the hand.
+    `registers` are the sets', [B, S] or [B, K, S]. Only HAND, register V, contains the hand.
     """
-    registers = _registers(phi, hand_index, op, a, b, logic)
     words, objects = phi.shape[-2:]
-    roles = roles.long().unsqueeze(-1)  # [B, K, 2, 1]
-    chosen = registers.gather(-2, roles.expand(*roles.shape[:-1], objects))
+    sets = registers.long().unsqueeze(-1)  # [B, K, S, 1]
+    degrees = _registers(phi, hand_index, programs, logic)
+    chosen = degrees.gather(-2, sets.expand(*sets.shape[:-1], objects))
     other = torch.arange(objects, device=phi.device) != hand_index
-    return chosen * (other | (roles == words)).to(phi)
+    return chosen * (other | (sets == words)).to(phi)
 
 
-def _registers(
-    phi: Tensor, hand_index: int, op: Tensor, a: Tensor, b: Tensor, logic: Logic
-) -> Tensor:
+def _registers(phi: Tensor, hand_index: int, programs: Compiled, logic: Logic) -> Tensor:
     """All registers of each program, [B, K, V + 1 + L, N]."""
+    op, a, b, *_ = programs
     lead, length = op.shape[:-1], op.shape[-1]
     words, objects = phi.shape[-2:]
     phi = phi.reshape(*phi.shape[:-2], *[1] * (len(lead) - phi.dim() + 2), words, objects)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.language import Program
-from pa_ros.world.programs import ProgramTable, crisp, crisp_roles
+from pa_ros.world.programs import ProgramTable, crisp, crisp_sets
 from pa_ros.world.scoring import Scoring
 from pa_ros.world.world import World
 
@@ -26,7 +26,7 @@ class ProgramMeasures:
     def __init__(self, programs: Sequence[Program], world: World, scoring: Scoring) -> None:
         self._table = ProgramTable(world.vocabulary, programs)
         self._world, self._scoring = world, scoring
-        asked = self._table.relations()
+        asked = self._table.compiled().relation
         pushes = np.array([not program.moves_hand for program in self._table.programs])
         self._of_relation = {
             relation: np.flatnonzero((asked == row) & ~pushes)
@@ -47,8 +47,9 @@ class ProgramMeasures:
         its two sets contain, [P, 2, N]; ConfigError if nothing tells it."""
         truth = self._world.truth(objects).T
         if self._pushing:
-            return crisp_roles(self._table.arrays(), self._table.roles(), truth, hand_index)
-        return crisp(self._table.arrays(), truth, hand_index)
+            sets = crisp_sets(self._table.compiled(), truth, hand_index)
+            return np.stack([sets.moved, sets.target], 1)
+        return crisp(self._table.compiled(), truth, hand_index)
 
     def __call__(
         self, named: NDArray[np.bool_], objects: Float32, hand_pose: Float64 | Float32 | None

@@ -34,17 +34,17 @@ class Inputs(NamedTuple):
     next_arm: Tensor
     reward: Tensor
     discount: Tensor
-    goals: Any  # `Family.goals`
+    programs: Any  # `Family.programs`
 
     @property
     def now(self) -> tuple[Tensor, Tensor, Any]:
         """Inputs of the networks at s."""
-        return self.objects, self.arm, self.goals
+        return self.objects, self.arm, self.programs
 
     @property
     def then(self) -> tuple[Tensor, Tensor, Any]:
         """Inputs of the networks at s'."""
-        return self.next_objects, self.next_arm, self.goals
+        return self.next_objects, self.next_arm, self.programs
 
 
 class TorchEngine(ABC):
@@ -97,9 +97,9 @@ class TorchEngine(ABC):
         floats = {
             name: torch.from_numpy(getattr(batch, name)).to(self.device).to(self.dtype)
             for name in Inputs._fields
-            if name != "goals"
+            if name != "programs"
         }
-        x = Inputs(**floats, goals=self.goals(batch.program))
+        x = Inputs(**floats, programs=self.programs(batch.program))
         if self._config.optimizer.half_life:
             share = self._config.optimizer.share(max(map(self.updates, self._adams)))
             for adam in self._adams.values():
@@ -107,7 +107,7 @@ class TorchEngine(ABC):
                     group["lr"] = group["initial_lr"] * share
         self._latest = self.step(x)
 
-    def goals(self, program: NDArray[np.int32]) -> Any:
+    def programs(self, program: NDArray[np.int32]) -> Any:
         """Rows [B, K] of the table, as the networks take programs."""
         # Tasks add programs while a run learns; only then are the rows copied to the device again.
         if self._known != len(self._table):
@@ -118,7 +118,7 @@ class TorchEngine(ABC):
             ]
             self._known = len(self._table)
         index = torch.from_numpy(program).to(self.device).long()
-        return self._family.goals(self._network, *(rows[index] for rows in self._rows))
+        return self._family.programs(*(rows[index] for rows in self._rows))
 
     def act(self, network: Any, seen: tuple[Tensor, Tensor, Any]) -> Tensor:
         """Actions of an actor or its target, [B, K, J]."""

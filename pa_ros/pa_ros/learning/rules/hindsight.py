@@ -77,12 +77,13 @@ class Hindsight(Rule):
             self._joined[i, j] = self._joined[j, i] = row
         self._world, self._scoring, self._config = world, scoring, config
         kinds = Kinds(world)
-        sets = kinds.sets(self._table)[: len(programs)]  # [P, 2, kinds]
+        of_kinds = kinds.sets(self._table)
+        sets = np.stack([of_kinds.moved, of_kinds.target], 1)[: len(programs)]  # [P, 2, kinds]
         self._count = len(programs)
         self._sets: Bits = np.packbits(sets, axis=0, bitorder="little")  # [P / 8, 2, kinds]
         self._body = world.schema.bodies(kinds.features)  # [kinds]
         self._seen = None if world.schema.tells_words else SeenSets(programs, world, scoring)
-        self._relations = self._table.relations()
+        self._relations = self._table.compiled().relation
         self._hand_moves = np.array([p.moves_hand for p in self.programs])
         self._of_hand: Bits = np.packbits(self._hand_moves[: len(programs)], bitorder="little")
         # A target that has a body is not moved afterwards, so hardly any transition satisfies a

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32
-from pa_ros.world.programs import ProgramTable, crisp, crisp_roles
+from pa_ros.world.programs import ProgramTable, Sets, crisp, crisp_sets
 from pa_ros.world.world import World
 
 
@@ -34,14 +34,9 @@ class Kinds:
 
     def named(self, table: ProgramTable) -> NDArray[np.bool_]:
         """Which kinds each program names, also to avoid them, [P, kinds + 1]."""
-        hand = self._truth.shape[1] - 1
-        named = crisp(table.arrays(), self._truth, hand)
-        if table.vocabulary.avoids:
-            registers = table.avoided()[:, None]
-            named |= crisp_roles(table.arrays(), registers, self._truth, hand)[:, 0]
-        return named
+        named = crisp(table.compiled(), self._truth, self._truth.shape[1] - 1)
+        return named | self.sets(table).avoided
 
-    def sets(self, table: ProgramTable) -> NDArray[np.bool_]:
-        """Which kinds are in each program's two sets, [P, 2, kinds + 1]."""
-        arrays = table.arrays()
-        return crisp_roles(arrays, table.roles(), self._truth, self._truth.shape[1] - 1)
+    def sets(self, table: ProgramTable) -> Sets:
+        """Which kinds are in each program's sets, [P, kinds + 1] each."""
+        return crisp_sets(table.compiled(), self._truth, self._truth.shape[1] - 1)

@@ -18,7 +18,7 @@ from pa_ros.language import Program
 from pa_ros.learning.rules.all_goals import MAX_PROGRAMS
 from pa_ros.world import Scoring
 from pa_ros.world.measures import SAME
-from pa_ros.world.programs import ProgramTable, crisp_roles
+from pa_ros.world.programs import ProgramTable, crisp_sets
 from pa_ros.world.world import World
 
 Bools = NDArray[np.bool_]
@@ -43,7 +43,8 @@ class SeenSets:
         """Which objects [T, N, F] of an episode each program's two sets may contain, [P, 2, N],
         given its measures [T, P]; False for the hand."""
         words, bodies = self._world.told(objects[0]).T, self._world.schema.bodies(objects[0])
-        sets = crisp_roles(self._table.arrays(), self._table.roles(), words, hand_index)
+        known = crisp_sets(self._table.compiled(), words, hand_index)
+        sets = np.stack([known.moved, known.target], 1)
         sets &= ~bodies
         apart: dict[str, Float64] = {}  # by noun: how far each object's measures are from its own
         for program, (_, places), measure in zip(self._programs, sets, measures.T, strict=True):

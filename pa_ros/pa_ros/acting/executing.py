@@ -1,0 +1,251 @@
+"""The rules of executing: which of several objects, how fast, and how far from what is avoided.
+
+Networks are trained without these rules. They read what the networks said of each object in the
+same call that computed the action (`Acted.degrees`), so they add little to a control step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+from itertools import chain
+from math import dist, hypot
+from typing import NamedTuple
+
+import numpy as np
+
+from pa_ros.acting.errors import ActingError
+from pa_ros.acting.exploration import ExplorationNoise
+from pa_ros.acting.policy import Policy
+from pa_ros.core.experience import Float32, Observation
+from pa_ros.language import MIN_MAX, And, Logic, Not, Program
+from pa_ros.networks.config import NetworkConfig
+from pa_ros.networks.errors import NetworkError
+from pa_ros.networks.inference import AVOIDED, MOVED, RELEVANT, TARGET, Acted
+from pa_ros.world.comparisons import choose
+from pa_ros.world.scoring import Score, Scoring
+
+# A program means every object whose degree is at least this share of the greatest degree; to choose
+# one of them, the share is greater, since undecided words give about half a degree.
+MEANT, SURELY = 0.5, 0.75
+# Shares of a relation's threshold: pushing stops at the first, and is slowed up to the second.
+# Actions that are joint velocities can move the hand faster, so they are slowed earlier.
+SLOWED, JOINTS_SLOWED = (0.6, 1.2), (0.0, 3.0)
+AVOIDED_WITHIN_M = 0.40  # of the hand: what is farther away is not avoided
+# At this distance from the hand, an object to be avoided counts as much as the goal; nearer by the
+# second length, it counts e times as much.
+EQUAL_M, NEARNESS_M = 0.30, 0.02
+
+Objects = Sequence[int]
+"""Indices of objects of a scene."""
+
+
+class _Forms(NamedTuple):
+    """A program as networks take it."""
+
+    program: Program
+    plain: Program  # without comparisons
+    heedless: Program  # without what it avoids, too
+
+    @classmethod
+    def of(cls, program: Program) -> _Forms:
+        plain = program.sets_alone
+        return cls(program, plain, plain.relation_alone)
+
+
+class Actor(Policy):
+    """A policy that executes programs. Without `noise` it is greedy."""
+
+    def __init__(
+        self,
+        network: NetworkConfig,
+        inference: str = "auto",
+        noise: ExplorationNoise | None = None,
+        logic: Logic = MIN_MAX,
+    ) -> None:
+        super().__init__(network, inference, logic)
+        self._noise = noise
+        self._scoring = Scoring.of(network.world.relations)
+        self._slowed = SLOWED if network.world.controller else JOINTS_SLOWED
+        self._forms: _Forms | None = None  # of the newest program
+
+    def act(self, observation: Observation, program: Program) -> Float32:
+        """The greedy action, [J] in [-1, 1].
+
+        Of the objects that the program means, the agent goes for the nearest two, or moves the hand
+        to the nearest; networks alone would stop between them, since they sum over objects.
+
+        Raises ProgramError for a word that the weights do not know, ActingError for objects or an
+        arm of another size.
+        """
+        forms = self._forms_of(program)
+        acted = self.infer(observation, forms.plain)
+        if not self.evaluates_programs:
+            return acted.action
+        if program.avoided is not None:
+            return self._avoid(observation, forms, acted)
+        chosen, others = self._choose(observation, program, acted)
+        if others:
+            acted = self.infer(observation, forms.plain, others)
+        if program.moves_hand:
+            return acted.action
+        return acted.action * self._speed(observation, program.relation, chosen)
+
+    def explore(self, observation: Observation, program: Program) -> Float32:
+        """The networks' action with this episode's exploration noise, clipped to [-1, 1], [J]."""
+        if self._noise is None:
+            raise ActingError("policy: expected exploration noise, got a greedy actor")
+        plain = self._forms_of(program).plain
+        acted = self.infer(observation, plain)
+        if program.compares:
+            meant = _sets(acted, MEANT)
+            chosen = self._compared(observation, program, meant)
+            acted = self.infer(observation, plain, _left_out(observation, meant, chosen))
+        return self._noise.explore(acted.action, observation.episode)
+
+    def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
+        """p, [N]: the degree to which the program means each object.
+
+        Empty before there are weights, or for networks without degrees. Raises what `act` raises.
+        """
+        if self._version is None or not self.evaluates_programs:
+            return ()
+        acted = self.infer(observation, self._forms_of(program).heedless)
+        p: list[float] = acted.degrees[RELEVANT].tolist()
+        if program.compares:
+            meant = _sets(acted, MEANT)
+            left_out = {*chain(*meant)}.difference(*self._compared(observation, program, meant))
+            p = [0.0 if i in left_out else one for i, one in enumerate(p)]
+        return tuple(p)
+
+    def judge(self, observation: Observation, scoring: Scoring) -> Callable[[Program], Score]:
+        """Scores of a state by the agent's own judgement: programs mean the objects to which they
+        give at least half of the greatest degree.
+
+        Raises NetworkError for networks without degrees, and what `act` raises.
+        """
+        self._need_degrees()
+
+        def score(program: Program) -> Score:
+            acted = self.infer(observation, program.sets_alone.relation_alone)
+            moved, targets = self._compared(observation, program, _sets(acted, MEANT))
+            pair = None if program.moves_hand else moved
+            seen, pose = observation.objects, observation.hand_pose
+            return scoring.of_targets(targets, seen, program.relation, pose, pair)
+
+        return score
+
+    def _avoid(self, observation: Observation, forms: _Forms, acted: Acted) -> Float32:
+        """The action under a program that avoids a set. Networks learn to avoid one object, and
+        keep farther away than they must. So the action that avoids nothing and those that avoid one
+        near object each are averaged, the nearest objects most.
+        """
+        program, avoided = forms.program, forms.program.avoided
+        assert avoided is not None
+        to_avoid = {*_meant(acted.degrees[AVOIDED].tolist(), MEANT)}
+        targets = {*self._compared(observation, program, _sets(acted, MEANT))[1]}
+        if targets & to_avoid and not targets <= to_avoid and not program.compares:
+            # Go for the targets that need not be avoided.
+            forms = _Forms.of(replace(program, target=And((program.target, Not(avoided)))))
+            acted = self.infer(observation, forms.plain)
+            targets = {*_sets(acted, MEANT)[1]}
+        to_avoid -= targets
+        places = observation.objects[:, :3].tolist()  # in the frame of the hand
+        distance = {i: hypot(*places[i]) for i in sorted(to_avoid)}
+        near = [i for i, metres in distance.items() if metres < AVOIDED_WITHIN_M]
+        _, others = self._choose(observation, forms.program, acted, to_avoid)
+        heedless = self.infer(observation, forms.heedless, others | to_avoid).action
+        if not near:
+            return heedless
+        actions = [self.infer(observation, forms.plain, to_avoid - {i}).action for i in near]
+        distances = np.array([EQUAL_M, *(distance[i] for i in near)])
+        weight = np.exp((distances.min() - distances) / NEARNESS_M)
+        return np.asarray(weight / weight.sum() @ np.stack([heedless, *actions]), np.float32)
+
+    def _choose(
+        self,
+        observation: Observation,
+        program: Program,
+        acted: Acted,
+        hidden: Collection[int] = (),
+    ) -> tuple[Sequence[Objects], set[int]]:
+        """The object of each set that the agent goes for, and what networks are not to see: the
+        others that the program means. Objects that are `hidden` are none of them."""
+        meant = _sets(acted, MEANT if program.compares else SURELY, hidden)
+        chosen = self._compared(observation, program, meant)
+        chosen = _nearest_two(chosen, observation.objects)
+        return chosen, _left_out(observation, meant, chosen)
+
+    def _compared(
+        self, observation: Observation, program: Program, sets: Sequence[Objects]
+    ) -> Sequence[Objects]:
+        """The objects that a program's comparisons choose from its two sets."""
+        if not program.compares:
+            return sets
+        objects, pose, schema = observation.objects, observation.hand_pose, self._world.schema
+        return [
+            choose(comparison, one, objects, pose, schema)
+            for comparison, one in zip(program.chosen, sets, strict=True)
+        ]
+
+    def _speed(
+        self, observation: Observation, relation: str, chosen: Sequence[Objects]
+    ) -> np.float32:
+        """The part of full speed at which an object is moved: less and less as the relation begins
+        to hold, so that the object is not pushed on, and spheres do not roll away."""
+        moved, targets = chosen
+        seen, pose = observation.objects, observation.hand_pose
+        measure = self._scoring.of_targets(targets, seen, relation, pose, moved).measure
+        part = measure / self._scoring.threshold(relation, between=True)
+        stopped, full = self._slowed
+        return np.float32(min(max((part - stopped) / (full - stopped), 0.0), 1.0))
+
+    def _forms_of(self, program: Program) -> _Forms:
+        if self._forms is None or self._forms.program is not program:
+            if program.compares:
+                self._need_degrees()
+            self._forms = _Forms.of(program)
+        return self._forms
+
+    def _need_degrees(self) -> None:
+        if not self.evaluates_programs:
+            raise NetworkError(
+                f"{self.network.family} networks: expected a verifier and no comparison, since "
+                "they don't say which objects a program means",
+                code="networks.unsupported_program",
+            )
+
+
+def _sets(acted: Acted, least: float, hidden: Collection[int] = ()) -> list[list[int]]:
+    """The objects of a program's two sets, before any comparison."""
+    rows = acted.degrees.tolist()
+    return [_meant(rows[row], least, hidden) for row in (MOVED, TARGET)]
+
+
+def _meant(degrees: Sequence[float], least: float, hidden: Collection[int] = ()) -> list[int]:
+    """The objects that have at least this share of the greatest degree."""
+    if hidden:
+        degrees = [0.0 if i in hidden else p for i, p in enumerate(degrees)]
+    enough = least * max(degrees)
+    return [i for i, p in enumerate(degrees) if p > 0.0 and p >= enough]
+
+
+def _left_out(
+    observation: Observation, meant: Sequence[Objects], chosen: Sequence[Objects]
+) -> set[int]:
+    """The objects that were meant and not chosen, but for the hand."""
+    return {*chain(*meant)}.difference((observation.hand_index,), *chosen)
+
+
+def _nearest_two(sets: Sequence[Objects], objects: Float32) -> Sequence[Objects]:
+    """One object of each of two sets, so that the two are as near as possible; the sets themselves
+    if there are no two."""
+    moved, targets = sets
+    if len(moved) == len(targets) == 1:
+        return sets
+    places = objects[:, :3].tolist()
+    pairs = [(dist(places[i], places[j]), i, j) for i in moved for j in targets if i != j]
+    if not pairs:
+        return sets
+    _, i, j = min(pairs)
+    return [(i,), (j,)]
