@@ -48,7 +48,6 @@ def test_where_the_laboratory_is_absent_its_commands_say_how_to_get_it(
         monkeypatch.setitem(sys.modules, f"laboratory.{module}", None)
     assert main(arguments) == 2
     assert "run `make install` in a clone" in capsys.readouterr().err
-    assert main(["program", "NEAR(HAND, RED)"]) == 0
 
 
 @pytest.mark.parametrize(
