@@ -1,13 +1,14 @@
 """What the other benchmarks compute from their measurements."""
 
-import argparse
 import sys
+from argparse import Namespace
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from laboratory.benchmarks import baselines, peers
+from laboratory.__main__ import BENCHMARKS, main
+from laboratory.benchmarks import arena, baselines, peers
 from laboratory.benchmarks.camera import Uses
 from laboratory.benchmarks.latency import Latencies
 from laboratory.benchmarks.peers import OURS, PeerScore, run_contender
@@ -52,6 +53,22 @@ def test_latencies_are_reported_as_percentiles_in_milliseconds():
     assert found["program_p999_ms"] == 500 and found["steps"] == 1001 and found["programs"] == 1
 
 
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_each_benchmark_says_its_options(name: str, capsys, monkeypatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["laboratory", name, "--help"])
+    with pytest.raises(SystemExit, match="0"):
+        main()
+    assert "--json" in capsys.readouterr().out
+
+
+def test_the_arena_is_fast_and_the_script_beats_chance(monkeypatch) -> None:
+    monkeypatch.setattr(arena, "STEPS", 100)
+    monkeypatch.setattr(arena, "PRESETS", {"fast": arena.PRESETS["fast"]})
+    found = {name: float(value) for name, value in arena.run(Namespace(episodes=1)).items()}
+    assert found["arena.fast.steps_per_s"] > 0
+    assert found["arena.fast.NEAR.script"] > found["arena.fast.NEAR.random"]
+
+
 def score(name: str, frames: float, seconds: float, train: float) -> PeerScore:
     return PeerScore(name, "a-library 1.2", 0, frames, seconds, train, train, train / 2, train / 2)
 
@@ -77,7 +94,7 @@ def test_peers_are_compared_at_equal_frames_and_in_equal_time() -> None:
 def test_finished_runs_are_not_repeated_and_a_missing_library_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    options = argparse.Namespace(runs=tmp_path, seeds=2, frames=15_000, contenders=[OURS])
+    options = Namespace(runs=tmp_path, seeds=2, frames=15_000, contenders=[OURS])
     for seed in range(2):
         rows = [replace(score(OURS, 15_000, 20.0, 1.0), seed=seed)]
         write_rows(tmp_path / f"{OURS}-{seed}.csv", rows)
@@ -93,7 +110,7 @@ def test_every_baseline_learns_from_relabeled_batches_and_is_scored(
     method: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(baselines, "WARMUP_FRAMES", 150)
-    options = argparse.Namespace(
+    options = Namespace(
         design="2-L", preset="fast", seeds=1, first_seed=3, frames=200, episodes=1, rates=2.0,
         methods=[method], runs=tmp_path, table=tmp_path / "table.csv",
     )  # fmt: skip

@@ -20,6 +20,7 @@ from pa_ros.core.text import Report
 from pa_ros.world.relation import RELATIONS
 
 DESIGN = "2-L"
+STEPS = 5000  # of one measurement
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,14 +41,14 @@ def run(options: argparse.Namespace) -> Report:
     return report
 
 
-def speed(config: ArenaConfig, steps: int = 5000) -> float:
+def speed(config: ArenaConfig) -> float:
     """Control steps per second with random commands, resets included."""
     task = ReachTask(config, design_named(DESIGN), seed=0)
     rng = np.random.default_rng(0)
-    commands = rng.uniform(-1, 1, (steps, config.joints)) * np.array(config.joint_speed_limits)
+    commands = rng.uniform(-1, 1, (STEPS, config.joints)) * np.array(config.joint_speed_limits)
     start = perf_counter()
     for i, command in enumerate(commands):
         if i % config.episode_steps == 0:
             task.reset(i // config.episode_steps)
         task.step(command)
-    return steps / (perf_counter() - start)
+    return STEPS / (perf_counter() - start)

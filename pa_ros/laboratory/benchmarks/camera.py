@@ -1,7 +1,4 @@
-"""Time from a picture to the command that it led to, at 10 Hz, with all processes on one core.
-
-Messages count from the moment when their writer handed them to DDS (see latency.py).
-"""
+"""Time from a picture to the command that it led to, at 10 Hz, with all processes on one core."""
 
 from __future__ import annotations
 
@@ -13,15 +10,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import rclpy
-from rclpy.node import Node
 
-from laboratory.benchmarks.latency import DEEP, FEWEST, PERCENTILES, TICK_S, TIMEOUT_S
+from laboratory.benchmarks.latency import FEWEST, PERCENTILES, TIMEOUT_S
+from laboratory.benchmarks.written import WrittenMessages
 from pa_ros.core.errors import PaError
 from pa_ros.core.text import Report
 from pa_ros.ros import topics
 from pa_ros.ros.environment import ros_arguments
-from pa_ros.ros.executor import spin_until, steady_timer
+from pa_ros.ros.executor import spin_until
 from pa_ros.tools.client import client_node
 from pa_ros.tools.domain import use_free_domain
 from pa_ros.tools.launcher import Supervisor
@@ -29,7 +25,6 @@ from pa_ros.wire import Message
 from pa_ros.wire.step import decode_step, step_answered
 from pa_ros.wire.views import decode_image
 
-WARM_UP_S = 10.0
 AGENT = "shipped:camera"
 CAMERA = {"rate_hz": 10.0, "view": "above", "width": 240, "height": 240}
 SCENE = {"design": "3-D", "seed": 2, "mode": "real_time"}
@@ -39,30 +34,39 @@ READ = (topics.OBJECT_FEATURES.within("seen"), topics.CAMERA_IMAGE, topics.JOINT
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the benchmark's options."""
     parser.add_argument("--seconds", type=float, default=110.0, help="(%(default)s)")
+    parser.add_argument("--warm-up", type=float, default=10.0, help="seconds (%(default)s)")
 
 
 def run(options: argparse.Namespace) -> Report:
     """Percentiles in ms, with sim_node, camera_node, an agent and this process on one core."""
     use_free_domain()
-    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})  # children inherit it
-    with tempfile.TemporaryDirectory() as name, Supervisor(Path(name)) as supervisor:
-        with client_node("bench") as node:
-            watch = Watch(node)
-            for module, arguments in _nodes().items():
-                supervisor.start(module, [sys.executable, "-m", module, *arguments])
-            if not spin_until(node, lambda: len(watch.latencies_s) >= FEWEST, TIMEOUT_S):
-                raise PaError(f"camera: expected commands within {TIMEOUT_S:g} s, got too few")
-            spin_until(node, lambda: False, WARM_UP_S)
-            watch.latencies_s.clear()
-            spin_until(node, lambda: False, options.seconds)
-            supervisor.check()
-            watch.close()
-    times = watch.latencies_s
+    cores, uses = os.sched_getaffinity(0), Uses()
+    os.sched_setaffinity(0, {min(cores)})  # children inherit it
+    try:
+        _measure(uses, options.warm_up, options.seconds)
+    finally:
+        os.sched_setaffinity(0, cores)
+    times = uses.latencies_s
     report: Report = {
         f"camera.latency_{name}_ms": float(np.percentile(times, percent)) * 1e3
         for name, percent in PERCENTILES.items()
     }
-    return {**report, "camera.pictures": len(times), "camera.unused": len(watch.pictures)}
+    return {**report, "camera.pictures": len(times), "camera.unused": len(uses.pictures)}
+
+
+def _measure(uses: Uses, warm_up_s: float, seconds: float) -> None:
+    with tempfile.TemporaryDirectory() as name, Supervisor(Path(name)) as supervisor:
+        with client_node("bench") as node:
+            written = WrittenMessages(node, READ, uses.heard)
+            for module, arguments in _nodes().items():
+                supervisor.start(module, [sys.executable, "-m", module, *arguments])
+            if not spin_until(node, lambda: len(uses.latencies_s) >= FEWEST, TIMEOUT_S):
+                raise PaError(f"camera: expected commands within {TIMEOUT_S:g} s, got too few")
+            spin_until(node, lambda: False, warm_up_s)
+            uses.latencies_s.clear()
+            spin_until(node, lambda: False, seconds)
+            supervisor.check()
+            written.close()
 
 
 def _nodes() -> dict[str, list[str]]:
@@ -85,6 +89,10 @@ class Uses:
     pictures: dict[int, float] = field(default_factory=dict)  # when written, by stamp
     steps: dict[int, float] = field(default_factory=dict)
 
+    def heard(self, kind: int, message: Message, written_s: float) -> None:
+        """A message of a topic of READ was written."""
+        self.wrote(kind, _stamp_of(kind, message), written_s)
+
     def wrote(self, kind: int, stamp_ns: int, now_s: float) -> None:
         """A message of a topic of READ with this stamp was written."""
         if kind < 2:
@@ -93,33 +101,6 @@ class Uses:
             used = [stamp for stamp, at_s in self.pictures.items() if at_s < seen_s]
             self.latencies_s += [now_s - self.pictures.pop(stamp) for stamp in used]
             self.steps = {stamp: at_s for stamp, at_s in self.steps.items() if stamp > stamp_ns}
-
-
-class Watch(Uses):
-    """Reads the messages."""
-
-    def __init__(self, node: Node) -> None:
-        super().__init__()
-        # A node without an executor: rclpy's executor does not report when a message was written.
-        self._reader = rclpy.create_node(f"{node.get_name()}_reader", context=node.context)
-        self._read = [
-            self._reader.create_subscription(topic.type, topic.name, lambda _: None, DEEP)
-            for topic in READ
-        ]
-        steady_timer(node, TICK_S, self._tick)
-
-    def close(self) -> None:
-        """Unsubscribe."""
-        self._reader.destroy_node()
-
-    def _tick(self) -> None:
-        received = []
-        for kind, subscription in enumerate(self._read):
-            with subscription.handle:
-                while taken := subscription.handle.take_message(subscription.msg_type, False):
-                    received.append((taken[1]["source_timestamp"], kind, taken[0]))
-        for written_ns, kind, message in sorted(received, key=lambda one: one[:2]):
-            self.wrote(kind, _stamp_of(kind, message), written_ns * 1e-9)
 
 
 def _stamp_of(kind: int, message: Message) -> int:

@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> Report:
     score = TrainingScores(preset_named(PRESET), design_named(DESIGN), EPISODES)
     report: dict[str, float] = {}
     for arenas in options.arenas:
-        runs = [_run(arenas, seed, score, options.compose) for seed in range(options.seeds)]
+        runs = [measure(arenas, seed, score, options.compose) for seed in range(options.seeds)]
         reached = [seconds for _, seconds in runs if seconds is not None]
         report[f"fleet.frames_per_s_{arenas}"] = statistics.median(rate for rate, _ in runs)
         report[f"fleet.reached_{arenas}"] = len(reached)
@@ -76,7 +76,7 @@ def _parameters(arenas: int, seed: int) -> Parameters:
     return in_step(fleet(one, arenas), "free")
 
 
-def _run(
+def measure(
     arenas: int, seed: int, scores: TrainingScores, compose: bool
 ) -> tuple[float, float | None]:
     """Frames per second of one run, and seconds until GOAL (None: not within FRAMES)."""
@@ -96,7 +96,7 @@ def _run(
             marks.append((time.monotonic(), frames))
 
     def finished() -> bool:
-        return bool(marks) and marks[-1][1] >= FRAMES
+        return len(marks) > 1 and marks[-1][1] >= FRAMES
 
     with tempfile.TemporaryDirectory() as name, Supervisor(Path(name)) as supervisor:
         with client_node("bench") as node:

@@ -9,7 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from laboratory.benchmarks.pingpong import WORK, arena_and_policy, measure_round_trips, nothing
+from laboratory.benchmarks.pingpong import WORK, measure_round_trips, nothing, physics_and_networks
 from pa_ros.core.errors import PaError
 from pa_ros.core.text import Report
 from pa_ros.tools.client import client_node
@@ -24,6 +24,7 @@ SECONDS = 4.0  # of each measurement
 TIMEOUT_S = 60.0
 PARAMETERS: Parameters = {"sim_node": {"seed": 0}, "agent_node": {"weights": "random"}}
 RATE, ARENA, POLICY = "graph.lockstep_steps_per_s", "graph.arena_us", "graph.policy_us"
+FIXED = "graph.fixed_pingpong_per_s"
 SOURCES = {
     RATE: ("sim_node", "steps_per_s"),
     ARENA: ("sim_node", "core_us"),
@@ -40,10 +41,11 @@ def run(options: argparse.Namespace) -> Report:
     """Medians over rounds; graphs and bare ping-pongs of the same messages take turns.
 
     `graph.step_us`, the time of a step, is made up of `arena_us` and `policy_us`, by the nodes' own
-    clocks; `transport_us`, a bare round trip; `waking_us`, what a round trip costs more when arena
-    and policy are computed in it (colder caches, sleeping threads and cores); and `nodes_us`, the
-    rest: encoding, checks, bookkeeping. `composed_steps_per_s` is the rate of both nodes in one
-    process; `with_key_of_without` the rate with signed messages as a share of the rate without.
+    clocks; `transport_us`, a bare round trip; and `nodes_us`, the rest: encoding, checks, waking.
+    `of_fixed_pingpong` is the rate as a share of a ping-pong's that computes the physics and the
+    networks alone, so it falls if arena, policy or nodes become slower. `composed_steps_per_s` is
+    the rate of both nodes in one process; `with_key_of_without` the rate with signed messages as a
+    share of the rate without.
     """
     use_free_domain()
     figures: dict[str, list[float]] = {}
@@ -57,22 +59,20 @@ def run(options: argparse.Namespace) -> Report:
             signed = {name: {**values, "auth_key_file": str(key)}
                       for name, values in PARAMETERS.items()}  # fmt: skip
             found["graph.with_key_steps_per_s"] = lockstep(signed)[RATE]
-        found["graph.bare_pingpong_per_s"] = _pingpong()
-        found["graph.working_pingpong_per_s"] = _pingpong(work=True)
+        found["graph.bare_pingpong_per_s"] = pingpong()
+        found[FIXED] = pingpong(work=True)
         for name, value in found.items():
             figures.setdefault(name, []).append(value)
     middle = {name: statistics.median(values) for name, values in figures.items()}
     step_us = 1e6 / middle[RATE]
     bare_us = 1e6 / middle["graph.bare_pingpong_per_s"]
-    working_us = 1e6 / middle["graph.working_pingpong_per_s"]
     return {
         **middle,
         "graph.with_key_of_without": middle["graph.with_key_steps_per_s"] / middle[RATE],
         "graph.step_us": step_us,
         "graph.transport_us": bare_us,
-        "graph.waking_us": working_us - middle[ARENA] - middle[POLICY] - bare_us,
-        "graph.nodes_us": step_us - working_us,
-        "graph.of_working_pingpong": working_us / step_us,
+        "graph.nodes_us": step_us - middle[ARENA] - middle[POLICY] - bare_us,
+        "graph.of_fixed_pingpong": middle[RATE] / middle[FIXED],
         "graph.rounds": options.rounds,
     }
 
@@ -97,9 +97,9 @@ def lockstep(parameters: Parameters, compose: bool = False) -> dict[str, float]:
     return {name: statistics.median(s[name] for s in samples[2:]) for name in SOURCES}
 
 
-def _pingpong(work: bool = False) -> float:
+def pingpong(work: bool = False) -> float:
     command = [sys.executable, "-m", "laboratory.benchmarks.pingpong", *([WORK] if work else [])]
-    advance = arena_and_policy()[0] if work else nothing
+    advance = physics_and_networks()[0] if work else nothing
     with tempfile.TemporaryDirectory() as folder, Supervisor(Path(folder)) as supervisor:
         supervisor.start("pingpong", command)
         with client_node("bench") as node:

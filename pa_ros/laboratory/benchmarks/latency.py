@@ -1,8 +1,4 @@
-"""Time from a program to the first command that obeys it, and from an observation to its command.
-
-Each message counts from the moment when its writer handed it to DDS, so that the time which the
-measuring process waits for a processor does not count.
-"""
+"""Time from a program to the first command under it, and from an observation to its command."""
 
 from __future__ import annotations
 
@@ -15,10 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import rclpy
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 
+from laboratory.benchmarks.written import WrittenMessages
 from pa_ros.arena import design_named
 from pa_ros.core.errors import PaError
 from pa_ros.core.text import Report
@@ -40,7 +35,7 @@ SECONDS = {"": 110.0, "fast.": 30.0}  # at 10 Hz p99.9 needs a thousand steps
 # than the 50 per second that an arena accepts.
 PAUSE_S = {"": 0.1, "fast.": 0.03}
 TICK_S, AGAIN_S = 0.005, 1.0
-DEEP = QoSProfile(depth=10_000)  # keeps what arrives while the machine does something else
+READ = (topics.OBJECT_FEATURES, topics.JOINT_COMMANDS)
 TIMEOUT_S, FEWEST = 120.0, 3
 PERCENTILES = {"p50": 50.0, "p99": 99.0, "p999": 99.9}
 
@@ -63,7 +58,7 @@ def run(options: argparse.Namespace) -> Report:
     for condition in ("", "training."):
         for rate, mode in RATES.items():
             seconds = SECONDS[rate] * options.share
-            found = _measure(mode, seconds, PAUSE_S[rate], condition != "")
+            found = measure(mode, seconds, PAUSE_S[rate], condition != "")
             report |= {f"{condition}latency.{rate}{name}": value for name, value in found.items()}
     return report
 
@@ -119,27 +114,14 @@ class Prober:
         self._programs = [f"NEAR(HAND, NOT({word}))" for word in words]
         self._sent, self._due_s = 0, 0.0
         self._publisher = topics.PROGRAM.publisher(node)
-        # A node without an executor: rclpy's executor does not report when a message was written.
-        self._reader = rclpy.create_node(f"{node.get_name()}_reader", context=node.context)
-        # Of two messages the effect is read before its cause, so that no command seems unprovoked.
-        self._read = [
-            self._reader.create_subscription(t.type, t.name, lambda _: None, DEEP)
-            for t in (topics.JOINT_COMMANDS, topics.OBJECT_FEATURES)
-        ]
+        self._written = WrittenMessages(node, READ, self._process)
         steady_timer(node, TICK_S, self._tick)
 
     def close(self) -> None:
-        self._reader.destroy_node()
+        """Unsubscribe."""
+        self._written.close()
 
     def _tick(self) -> None:
-        received = []
-        for subscription in self._read:
-            with subscription.handle as handle:
-                while taken := handle.take_message(subscription.msg_type, False):
-                    is_command = subscription is self._read[0]
-                    received.append((taken[1]["source_timestamp"], is_command, taken[0]))
-        for written_ns, is_command, message in sorted(received, key=lambda one: one[0]):
-            self._process(written_ns * 1e-9, is_command, message)
         if time.monotonic() >= self._due_s:
             self._send()
 
@@ -152,8 +134,8 @@ class Prober:
         self._due_s = time.monotonic() + AGAIN_S
         self._publisher.publish(message)
 
-    def _process(self, written_s: float, is_command: bool, message: Message) -> None:
-        if not is_command:
+    def _process(self, topic: int, message: Message, written_s: float) -> None:
+        if READ[topic] is topics.OBJECT_FEATURES:
             seen = decode_step(message).observation
             self.latencies.observed(seen.stamp_ns, seen.program_id, written_s)
         elif self.latencies.commanded(step_answered(message), written_s):
@@ -167,7 +149,7 @@ def _parameters(mode: str) -> Parameters:
     return {"sim_node": scene, "agent_node": policy}
 
 
-def _measure(mode: str, seconds: float, pause_s: float, training: bool) -> dict[str, float]:
+def measure(mode: str, seconds: float, pause_s: float, training: bool) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as name, Supervisor(Path(name)) as supervisor:
         if training:
             _train(supervisor, Path(name))

@@ -2,9 +2,10 @@
 
 An upper bound for the graph: the same types, sizes, quality of service and executor, but no
 encoding (the messages are made once), no checks and no accounting. A bare one computes nothing. In
-a working one, one side runs the arena's task and the other the policy, as the nodes do: computing
-makes caches cold and lets the other side sleep, and that slows down the transport.
-`python -m laboratory.benchmarks.pingpong [--work]` is the side that answers.
+one with fixed work, one side steps the physics and the other computes the actor's networks once:
+the least that a control step needs, whatever rules of executing and verifying are added to it. So
+a graph that becomes slower falls behind it. `python -m laboratory.benchmarks.pingpong [--work]` is
+the side that answers.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from laboratory.benchmarks.samples import sample_step
-from pa_ros.acting.actor import Actor
 from pa_ros.arena import ReachTask, design_named, preset_named
-from pa_ros.core.experience import PolicySnapshot
 from pa_ros.learning.protocols import LearningSettings
+from pa_ros.native.engine import FusedActor
 from pa_ros.networks.parameters import initial_actor
 from pa_ros.ros import topics
 from pa_ros.ros.node_main import run_node
@@ -33,15 +34,17 @@ SETTLE_S = 0.5
 WORK = "--work"
 
 
-def arena_and_policy() -> tuple[Callable[[], object], Callable[[], object]]:
-    """What the nodes compute in a control step: the arena's physics and verdict, and an action."""
+def physics_and_networks() -> tuple[Callable[[], object], Callable[[], object]]:
+    """One control period of the arena's physics, and one pass through the actor's networks."""
     task = ReachTask(preset_named("fast"), design_named("2-L"), seed=0)
-    observation, _ = task.reset(0)
+    seen, _ = task.reset(0)
     network = LearningSettings().network.for_world(task.world)
-    tensors = initial_actor(network, np.random.default_rng(0))
-    actor = Actor.of(PolicySnapshot(0, network.architecture, task.world.digest, tensors))
-    velocity = np.full(task.config.joints, 0.1)
-    return partial(task.advance, velocity), partial(actor.act, observation, task.program)
+    actor = FusedActor(network, initial_actor(network, np.random.default_rng(0)))
+    inputs = seen.objects, task.world.arm(seen), task.program, seen.hand_index
+    simulation = task.simulation
+    simulation.data.ctrl[:] = 0.1
+    step = partial(mujoco.mj_step, simulation.model, simulation.data, task.config.substeps)
+    return step, partial(actor.act, *inputs)
 
 
 def nothing() -> None:
@@ -110,5 +113,5 @@ def _answerer(work: Callable[[], object]) -> Any:
 
 
 if __name__ == "__main__":
-    computes = arena_and_policy()[1] if WORK in sys.argv else nothing
+    computes = physics_and_networks()[1] if WORK in sys.argv else nothing
     sys.exit(run_node("pingpong", partial(_answerer, computes), arguments=()))

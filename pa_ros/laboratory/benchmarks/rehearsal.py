@@ -30,7 +30,7 @@ from pa_ros.ros.executor import release, spin_until
 from pa_ros.tools.domain import use_free_domain
 from pa_ros.wire.program import GoalResult, ProgramGoal, decode_goal_result, encode_goal
 
-EXAMPLES = Path(__file__).parents[2] / "docs/examples"
+EXAMPLES = Path(__file__).parents[3] / "docs/examples"
 AGENT = "shipped:3-D"
 PROGRAMS = (
     "NEAR(HAND, AND(RED, CUBE))",
