@@ -68,11 +68,11 @@ chaos: install-dev  ## inject faults and write FAULTS.md (half an hour); ARGS=--
 	PYTHONPATH=tests $(BIN)/python -m chaos $(or $(ARGS),--table FAULTS.md)
 
 links: install-dev  ## a fleet behind a bad link, a cluster that loses a host (as root)
-	$(BIN)/python -m pytest -q -s -p no:xdist tests/tools/links.py tests/evaluation/cluster_on_hosts.py
+	$(BIN)/python -m pytest -q -s -p no:xdist tests/tools/links.py tests/lab/cluster_on_hosts.py
 
 NAME ?= graph
 bench: install  ## one benchmark: NAME=learner ARGS="--json learner.json"
-	PYTHONPATH=pa_ros:tests $(BIN)/python -m benchmarks $(NAME) $(ARGS)
+	PYTHONPATH=pa_ros:tests $(BIN)/python -m laboratory $(NAME) $(ARGS)
 
 results: install  ## fill the tables of RESULTS.md from docs/results
 	$(BIN)/python docs/results_tables.py
@@ -84,7 +84,7 @@ same-results: install  ## does this tree learn the same bits as BASE=COMMIT?
 	@test -n "$(BASE)" || { echo "same-results: expected BASE=COMMIT"; exit 2; }
 	test -d build/base-$(BASE) || git worktree add --detach build/base-$(BASE) $(BASE)
 	$(MAKE) -C build/base-$(BASE) install
-	$(BIN)/python pa_ros/benchmarks/same_results.py $(VENV) build/base-$(BASE)/.venv
+	$(BIN)/python pa_ros/laboratory/benchmarks/same_results.py $(VENV) build/base-$(BASE)/.venv
 
 docs-check: install-dev install-peers  ## run every command in README and docs (half an hour)
 	$(BIN)/python -m pytest -q -s -p no:xdist tests/cli/docs_check.py

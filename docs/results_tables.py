@@ -19,16 +19,17 @@ from typing import Any
 
 import numpy as np
 
+from laboratory.studies.cards import model_card, read_report
+from laboratory.studies.detectors import Accuracy
+from laboratory.studies.equalities import Difference
+from laboratory.studies.experiments import SOLVED, SeedSummary
+from laboratory.studies.generalization import Summary
+from laboratory.studies.generalization_figures import in_words
+from laboratory.studies.tables import read_curves, read_rows, read_setting
+from laboratory.studies.variants import Variant
 from pa_ros.arena import design_named
-from pa_ros.evaluation.cards import model_card, read_report
-from pa_ros.evaluation.detectors import Accuracy
-from pa_ros.evaluation.equalities import Difference
-from pa_ros.evaluation.experiments import SOLVED, SeedSummary
-from pa_ros.evaluation.generalization import CONDITIONS, Summary
-from pa_ros.evaluation.generalization_figures import in_words
+from pa_ros.evaluation.conditions import CONDITIONS
 from pa_ros.evaluation.pushing import EndsRow
-from pa_ros.evaluation.tables import read_curves, read_rows, read_setting
-from pa_ros.evaluation.variants import Variant
 from pa_ros.learning.checkpoint_files import SHIPPED
 from pa_ros.perception import VIEWS
 

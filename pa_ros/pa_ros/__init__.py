@@ -32,8 +32,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pa_ros.agents import TrainedAgent
     from pa_ros.core.experience import Observation, Verdict
-    from pa_ros.evaluation.agents import TrainedAgent
     from pa_ros.evaluation.evaluate import ProgramRow
     from pa_ros.tools.arm import Arm
 
@@ -75,7 +75,7 @@ def load(agent: str | Path = "3-D") -> TrainedAgent:
 
     Raises PaError (its subclass CheckpointError) if there is no usable checkpoint.
     """
-    from pa_ros.evaluation.agents import checkpoint_named, load_agent
+    from pa_ros.agents import checkpoint_named, load_agent
 
     return load_agent(checkpoint_named(agent))
 
@@ -99,8 +99,8 @@ def train(
     `**{"learner.updates.discount": 0.9}`, `algorithm="td3"`, `protocol="paper"`. Raises ConfigError
     for settings that cannot be, CheckpointError if `out` contains a run and `resume` is false.
     """
+    from pa_ros.agents import train_agent
     from pa_ros.arena import ArenaChoice
-    from pa_ros.evaluation.training import train_agent
     from pa_ros.learning.config import TrainConfig
     from pa_ros.learning.protocols import LearningSettings, usual_protocol
 
@@ -195,7 +195,7 @@ class Arena:
         design.
         """
         from pa_ros.acting.execution import ENDED
-        from pa_ros.evaluation.agents import greedy
+        from pa_ros.agents import greedy
         from pa_ros.language import stages
 
         self.begin(program)

@@ -12,9 +12,9 @@ from helpers.rejections import rejected
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.executing import Actor
 from pa_ros.acting.execution import ExecutionWatch, window_s
+from pa_ros.agents import load_agent
 from pa_ros.arena import ReachTask, design_named, preset_named, scripted_action
 from pa_ros.core.experience import PublishedPolicy, Step
-from pa_ros.evaluation.agents import load_agent
 from pa_ros.language import parse_goal, stages
 from pa_ros.learning.checkpoints import load_policy
 

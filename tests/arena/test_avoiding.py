@@ -5,6 +5,7 @@ from math import hypot
 
 import pytest
 
+from pa_ros.agents import load_agent
 from pa_ros.arena import (
     ReachTask,
     conditions_for,
@@ -14,7 +15,6 @@ from pa_ros.arena import (
 )
 from pa_ros.arena.episodes import AVOID_WITHIN_M, Block
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.agents import load_agent
 from pa_ros.language import And, Not, Or, Program, parse, satisfying
 
 DESIGN = design_named("3-D-avoid")

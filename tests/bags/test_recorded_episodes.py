@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
-from helpers.recordings import STEPS, acted, columns, rearranged, rewritten
+from helpers.recordings import STEPS, acted, rearranged, rewritten
 from pa_ros.bags.episodes import RecordedEpisode, episodes
 from pa_ros.bags.experience import arenas_of
 from pa_ros.bags.film import Stage
@@ -178,17 +178,15 @@ def test_parquet_holds_the_same_numbers_with_a_row_per_step(stepped, tmp_path):
     [
         (["--out", "OUT", "--format", "xls"], "expected one of npz, parquet, got 'xls'"),
         (["--out", "OUT", "--format", "parquet"], "programmable-agents[parquet]"),
-        (["--rerun", "OUT.rrd"], "expected the extra rerun (`make install-rerun`"),
-        (["--rerun", "OUT.rrd", "--format", "npz"], "expected --out with --format"),
-        ([], "expected one of --out DIR, --rerun FILE.rrd"),
+        (["--lerobot", "OUT", "--format", "npz"], "expected --out with --format"),
+        ([], "expected one of --out DIR and --lerobot DIR"),
         (["--out", "OUT", "--episodes", "99"], "does not contain episodes [99]; 0 others"),
     ],
 )
 def test_a_wrong_export_is_rejected_and_leaves_nothing(
     stepped, tmp_path, capsys, monkeypatch, arguments, said
 ):
-    for extra in ("pyarrow", "rerun"):
-        monkeypatch.setitem(sys.modules, extra, None)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
     given = [one.replace("OUT", str(tmp_path / "out")) for one in arguments]
     assert export(stepped, *given) == 2
     assert said in capsys.readouterr().err and not [*tmp_path.iterdir()]
@@ -204,23 +202,6 @@ def test_an_export_that_fails_leaves_no_file_under_its_final_name(
     monkeypatch.setattr(np, "savez_compressed", fail)
     assert export(stepped, "--out", tmp_path / "out") == 2
     assert "No space left" in capsys.readouterr().err and not [*(tmp_path / "out").iterdir()]
-
-
-def test_a_file_for_rerun_follows_blocks_that_come_and_go(changing, tmp_path):
-    pytest.importorskip("rerun", reason="the extra `rerun` is not installed")
-    path = tmp_path / "out.rrd"
-    assert export(changing, "--rerun", path) == 0
-    told = columns(path)
-    episode, stage = first_episode(changing)
-    seen: dict[str, int] = {}
-    for row in episode.rows:
-        stage.show(row)
-        for i, block in enumerate(stage.task.episode.blocks, start=1):
-            name = str(block.kind).lower().replace(" ", "_")
-            (pose,) = told[f"/world/blocks/{name} Transform3D:translation"][seen.get(name, 0)][1]
-            assert pose == pytest.approx(stage.task.simulation.positions[i].tolist(), abs=1e-6)
-            seen[name] = seen.get(name, 0) + 1
-    assert sorted(set(seen.values())) == [2, 6, 9]  # the last one, the one that left, the others
 
 
 def test_the_stage_shows_what_was_recorded(stepped, learned, changing):

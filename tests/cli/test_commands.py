@@ -37,6 +37,20 @@ def test_a_misspelled_command_is_told_its_name(capsys):
 
 
 @pytest.mark.parametrize(
+    "arguments",
+    [["experiment", "forgetting"], ["figures"], ["export", "shipped:2-L", "--card", "c.md"]],
+)
+def test_where_the_laboratory_is_absent_its_commands_say_how_to_get_it(
+    arguments, capsys, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    for module in ("commands.experiment", "commands.figures", "studies.cards"):
+        monkeypatch.setitem(sys.modules, f"laboratory.{module}", None)
+    assert main(arguments) == 2
+    assert "run `make install` in a clone" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (["eval", "--policy", "scripted", "--episodes", "0"], "got 0"),
@@ -83,7 +97,7 @@ def test_a_misspelled_command_is_told_its_name(capsys):
         ),
         (["send", "RED", "--namespace", "not a name"], "namespace"),
         (["launch", "--params", "absent.yaml"], "absent.yaml"),
-        (["eval", "--policy", "scripted", "--condition", "all"], "expected --checkpoint"),
+        (["eval", "--policy", "scripted", "--condition", "all"], "all: needs --checkpoint"),
         (["record", "--repair", "x", "--split-s", "9"], "expected it alone, got split_s"),
         (["launch", "--out", "/dev/null/x"], "expected a folder at /dev/null, got a file"),
         (["ship", "unused", "3-D"], "expected a new one, got '3-D', which exists (--replace)"),
@@ -91,7 +105,7 @@ def test_a_misspelled_command_is_told_its_name(capsys):
             ["experiment", "programmable-2L", "--tag", "../x", "--learner.detectors.gain=2"],
             "tag: expected letters, digits, '-' and '_', also with dots between, got '../x'",
         ),
-        (["eval", "--policy", "scripted", "--logic", "product"], "expected --checkpoint, got"),
+        (["eval", "--policy", "scripted", "--logic", "product"], "--logic: needs --checkpoint"),
     ],
 )
 def test_bad_input_is_refused_with_status_2_and_what_came(

@@ -6,8 +6,8 @@ import pytest
 
 from pa_ros.arena.formulas import FORMULAS
 from pa_ros.cli.main import main
+from pa_ros.evaluation.conditions import CONDITIONS
 from pa_ros.evaluation.evaluate import EPISODES_SEED
-from pa_ros.evaluation.generalization import CONDITIONS
 
 pytestmark = pytest.mark.xdist_group("evaluate")  # its checkpoint is made once
 
@@ -58,10 +58,11 @@ def test_comparisons_are_executed_without_training(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("asked", "said"), [
-    ("--policy scripted --design 3-D --judge agent", "expected --checkpoint"),
-    ("--policy scripted --design 3-D --pictures hard", "expected --checkpoint"),
-    ("--policy scripted --design 3-D --condition finite", "expected a design that avoids"),
-    ("--checkpoint shipped:2-L --condition all --judge agent", "expected one condition, got all"),
+    ("--policy scripted --design 3-D --judge agent", "--judge: needs --checkpoint"),
+    ("--policy scripted --design 3-D --pictures hard", "--pictures: needs --checkpoint"),
+    ("--checkpoint shipped:3-D --pictures hard", "--pictures: needs an agent that sees"),
+    ("--policy scripted --design 3-D --condition finite", "needs a design that avoids"),
+    ("--checkpoint shipped:2-L --condition all --judge agent", "--judge: needs one condition"),
     ("--checkpoint shipped:avoid --condition finite --layouts own", "another condition"),
 ])  # fmt: skip
 def test_options_that_would_not_count_are_refused(asked, said, capsys):

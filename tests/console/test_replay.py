@@ -1,18 +1,14 @@
 """A recording is shown with the weights of each moment."""
 
-from itertools import groupby
 from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 
-from helpers.recordings import columns, rewritten, train
-from pa_ros.arena.appearance import look_of
+from helpers.recordings import rewritten, train
 from pa_ros.bags.episodes import RecordedEpisode, Row
 from pa_ros.bags.errors import ProvenanceError
-from pa_ros.bags.film import Stage
 from pa_ros.bags.reader import Bag
-from pa_ros.cli.main import main
 from pa_ros.console.replay import Replay, Timeline
 from pa_ros.language import MIN_MAX, PRODUCT, parse, relevance
 
@@ -99,44 +95,3 @@ def test_a_slider_of_a_longer_episode_shows_the_last_step():
     step.on_update.call_args[0][0](None)
     timeline.tick(pages=1)
     replay.moment.assert_called_once_with(1, 1)
-
-
-def test_a_file_for_rerun_contains_what_was_recorded(recorded, tmp_path, capsys):
-    pytest.importorskip("rerun", reason="the extra `rerun` is not installed")
-    path = tmp_path / "run.rrd"
-    assert main(["bag", "export", str(recorded), "--rerun", str(path), "--episodes", "0", "2"]) == 0
-    assert "2 episodes in" in capsys.readouterr().out
-    told = columns(path)
-    with Bag(recorded) as bag:
-        replay = Replay(bag)
-        wanted = [(place, e) for place, e in enumerate(replay.episodes) if e.number in (0, 2)]
-        rows = [row for _, episode in wanted for row in episode.rows]
-        rewards = [row.reward for row in rows if np.isfinite(row.reward)]
-        assert [value for _, (value,) in told["/reward Scalars:scalars"]] == rewards
-        hand = told["/world/arm/hand Transform3D:translation"]
-        assert [time for time, _ in hand] == pytest.approx(0.1 * np.arange(len(rows)))
-        texts = [text for _, (text,) in told["/program TextDocument:text"]]
-        assert texts == [key for key, _ in groupby(row.program for row in rows)]
-        for start, (place, episode) in zip((0, len(wanted[0][1].rows)), wanted, strict=True):
-            the_blocks_are_as_recorded(told, replay, place, episode, start)
-    assert main(["bag", "export", str(recorded), "--rerun", str(path)]) == 2
-    assert "already exists" in capsys.readouterr().err
-
-
-def the_blocks_are_as_recorded(told, replay, place, episode, start):
-    """Poses, shapes, colors, and p in curves and labels, at an episode's step 7."""
-    stage, moment = Stage(episode, replay.arena), replay.moment(place, 7)
-    stage.show(episode.rows[7])
-    at = pytest.approx(0.1 * (start + 7))
-    for i, block in enumerate(stage.task.episode.blocks, start=1):
-        words = sorted(block.kind.words, key=replay.arena.world.vocabulary.row.get, reverse=True)
-        name, p = "_".join(words).lower(), moment.explanation.p[i]
-        (pose,) = [v for t, v in told[f"/world/blocks/{name} Transform3D:translation"] if t == at]
-        assert pose[0] == pytest.approx(stage.task.simulation.positions[i].tolist(), abs=1e-6)
-        shape = {"CUBE": "Boxes3D", "SPHERE": "Ellipsoids3D"}[words[1]]
-        (label,) = [v for t, v in told[f"/world/blocks/{name} {shape}:labels"] if t == at]
-        assert label == [f"{' '.join(words)}  p {p:.2f}"]
-        (curve,) = [v for t, v in told[f"/p/{name} Scalars:scalars"] if t == at]
-        assert curve == [pytest.approx(p)]
-        rgba = told[f"/world/blocks/{name} {shape}:colors"][0][1][0].to_bytes(4, "big")
-        assert list(rgba[:3]) == [round(255 * c) for c in look_of(block.kind).rgb]

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from helpers.pictures import opengl
+from laboratory.studies.scorer import Benchmark, Scorer
+from pa_ros.agents import load_agent
 from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.agents import load_agent
-from pa_ros.evaluation.scorer import Benchmark, Scorer
 from pa_ros.learning import checkpoints
 from pa_ros.learning.checkpoint_files import SHIPPED, write_synced
 from pa_ros.learning.checkpoints import load_policy, read_metadata, ship

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from agent_node.inputs import ProgramBook
-from benchmarks.samples import JOINT_NAMES, sample_step
 from helpers import learners
 from helpers.damage import damaged, explore
 from helpers.learners import FACTS, LEARNER, ME, NETWORK, published
+from laboratory.benchmarks.samples import JOINT_NAMES, sample_step
 from msgs_schema.srv import Reset, SetSpeed
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.learning_agent import LearningAgent

@@ -71,7 +71,7 @@ NOT_RUN = {
     "source": "sets up the user's shell",
     "export": "sets up the user's shell",
     "ros2": "not on the Python index",
-    "ray": "needs several machines; tests/evaluation/test_cluster.py starts it on two",
+    "ray": "needs several machines; tests/lab/test_cluster.py starts it on two",
     "pa_ros experiment programmable-3D --seeds 10 --cluster": "needs a cluster",
     **dict.fromkeys(
         (f"pa_ros experiment {name}" for name in STUDIES),

@@ -201,20 +201,3 @@ def launched(folder: Path, nodes: dict[str, Any], size: int, *words: str) -> tup
             process.kill()
     assert process.returncode == 0, err
     return folder / "bag", out
-
-
-def columns(path: Path) -> dict[str, list[Any]]:
-    """The rows of a Rerun file: "entity component" to (simulation time in s, value) in order."""
-    from rerun.chunk import RrdReader
-
-    found: dict[str, list[Any]] = {}
-    for chunk in RrdReader(path).stream():
-        batch = chunk.to_record_batch()
-        if "sim_time" not in batch.schema.names:
-            continue
-        times = [round(time.total_seconds(), 6) for time in batch.column("sim_time").to_pylist()]
-        for name in batch.schema.names:
-            if ":" in name:
-                rows = found.setdefault(f"{chunk.entity_path} {name}", [])
-                rows += zip(times, batch.column(name).to_pylist(), strict=True)
-    return {name: sorted(rows, key=lambda row: row[0]) for name, rows in found.items()}

@@ -5,9 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from helpers.waiting import wait_for
-from pa_ros.evaluation.cluster import Cluster, score_on, train_seeds_on
-from pa_ros.evaluation.experiments import EXPERIMENTS
-from pa_ros.evaluation.seeds import folder_of
+from laboratory.studies.cluster import Cluster, score_on, train_seeds_on
+from laboratory.studies.experiments import EXPERIMENTS
+from laboratory.studies.seeds import folder_of
 
 EPISODES = 1
 CONDITIONS = ("eval", "random")

@@ -16,6 +16,7 @@ from helpers.graph import Probe, graph, learned_over_the_graph
 from helpers.pictures import opengl
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.errors import ActingError
+from pa_ros.agents import load_agent
 from pa_ros.arena.render import top_view
 from pa_ros.bags.episodes import episodes
 from pa_ros.bags.experience import Experience, arenas_of
@@ -24,7 +25,6 @@ from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import learner_of, verify
 from pa_ros.cli import main as cli
 from pa_ros.core.experience import AgentKey, PublishedPolicy
-from pa_ros.evaluation.agents import load_agent
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.networks.config import actor_config
 from pa_ros.ros import topics

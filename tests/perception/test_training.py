@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from laboratory.studies.detectors import detector_table
+from pa_ros.agents import load_agent
 from pa_ros.cli import main as cli
-from pa_ros.evaluation.agents import load_agent
-from pa_ros.evaluation.detectors import detector_table
 from pa_ros.networks.config import actor_config
 
 pytest.importorskip("cv2", reason="no OpenCV: install programmable-agents[camera]")
@@ -20,7 +20,7 @@ TRAIN = ["train", "--design", "3-D", "--perception", "camera"]
 def calibrated_before(calibration: Cameras, monkeypatch: pytest.MonkeyPatch) -> None:
     text = calibration.to_text()
     monkeypatch.setattr(
-        "pa_ros.evaluation.training.calibrated", lambda *given: "" if given[2] == "told" else text
+        "pa_ros.agents.calibrated", lambda *given: "" if given[2] == "told" else text
     )
 
 

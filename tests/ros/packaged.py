@@ -93,6 +93,12 @@ def test_the_shipped_agent_scores_well(run: Command):
     assert report["eval.normalized"] > 0.8
 
 
+def test_the_laboratory_is_in_no_wheel(environment: Path):
+    command = [str(environment / "bin/pa_ros"), "experiment", "forgetting"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S)
+    assert done.returncode == 2 and "run `make install` in a clone" in done.stderr
+
+
 @pytest.mark.graph
 def test_a_graph_executes_a_program(run: Command, environment: Path):
     launch = [str(environment / "bin/pa_ros"), "launch", "--out", "run"]

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from agent_node.node import AgentNode
-from benchmarks.samples import sample_step
 from helpers.graph import SMALL_LEARNER, Probe, graph
 from helpers.learners import ARENA, LEARNER, published, trajectory
+from laboratory.benchmarks.samples import sample_step
 from learner_node.node import LearnerNode
 from pa_ros.ros import topics
 from pa_ros.wire.arena import encode_arena_info

@@ -7,11 +7,11 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from helpers.processes import processes_of
+from pa_ros.agents import load_agent
 from pa_ros.arena import ReachTask, design_named, preset_named, training_programs
 from pa_ros.cli.demo import PUSHED, execute
 from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.agents import load_agent
 from pa_ros.language import parse
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.tools.film import FARTHER, DemoProgram, demo_programs, find_scene

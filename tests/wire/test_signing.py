@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from benchmarks.samples import sample_step
 from helpers import learners
 from helpers.damage import damaged, explore
 from helpers.rejections import rejected
+from laboratory.benchmarks.samples import sample_step
 from pa_ros.core.errors import PaError
 from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.learning import encode_learner_info, encode_trajectory, encode_weights

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pa_ros.acting.executing import Actor
+from pa_ros.agents import load_agent
 from pa_ros.arena import ReachTask, design_named
 from pa_ros.arena.config import preset_named
-from pa_ros.evaluation.agents import load_agent
 from pa_ros.language import ProgramError, compile_program, parse, parse_goal
 from pa_ros.world.comparisons import choose
 

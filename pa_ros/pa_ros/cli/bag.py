@@ -20,11 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros bag`."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     info = actions.add_parser("info", help="episodes, programs, scores, versions, gaps")
-    export = actions.add_parser("export", help="episodes as NPZ, Parquet, for Rerun or LeRobot")
+    export = actions.add_parser("export", help="episodes as NPZ, Parquet or for LeRobot")
     export.add_argument("--out", type=Path, metavar="DIR", help="for the files of --format")
-    export.add_argument(
-        "--rerun", type=file_to_write, metavar="FILE.rrd", help="all in one file for Rerun's viewer"
-    )
     export.add_argument(
         "--lerobot", type=Path, metavar="DIR", help="a LeRobot v3 dataset in a new folder"
     )
@@ -64,8 +61,8 @@ def _export(bag: Bag, options: argparse.Namespace) -> int:
     from pa_ros.bags.episodes import episodes
     from pa_ros.bags.export import export
 
-    if sum(way is not None for way in (options.out, options.rerun, options.lerobot)) != 1:
-        raise ConfigError("export: expected one of --out DIR, --rerun FILE.rrd and --lerobot DIR")
+    if (options.out is None) == (options.lerobot is None):
+        raise ConfigError("export: expected one of --out DIR and --lerobot DIR")
     if options.out is None and options.format is not None:
         raise ConfigError("export: expected --out with --format")
     if options.lerobot is None and options.video is not None:
@@ -76,21 +73,10 @@ def _export(bag: Bag, options: argparse.Namespace) -> int:
         )
     if options.lerobot is not None:
         return _export_lerobot(bag, options)
-    if options.rerun is not None:
-        return _export_rerun(bag, options)
     count = export(
         episodes(bag, options.namespace), options.out, options.episodes, options.format or "npz"
     )
     print(f"{count} episodes in {options.out}, described in docs/bags.md")
-    return 0
-
-
-def _export_rerun(bag: Bag, options: argparse.Namespace) -> int:
-    from pa_ros.console.replay import Replay
-    from pa_ros.console.rerun_file import write_rerun
-
-    count = write_rerun(Replay(bag, options.namespace), options.rerun, options.episodes)
-    print(f"{count} episodes in {options.rerun}, described in docs/bags.md")
     return 0
 
 

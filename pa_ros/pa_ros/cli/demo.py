@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 
 from pa_ros.acting.execution import HOLD_S, WINDOW_S
+from pa_ros.agents import load_agent
 from pa_ros.arena import Design, ReachTask, design_named, preset_named, training_programs
 from pa_ros.cli.options import add_setting, folder_to_write
 from pa_ros.console.settings import TOKEN, control_address, free_port
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.evaluation.agents import load_agent
 from pa_ros.evaluation.drawing import draw_detectors
 from pa_ros.evaluation.evaluate import reference_scores
 from pa_ros.evaluation.scores import rewards
@@ -207,7 +207,8 @@ def _learn(folder: Path, seed: int, minutes: float) -> bool:
     program = demo_programs(design)[1]
     scene = find_scene(arena, design, seed + SCENE_SEED, program)
     seen, _ = task.reset_to(scene.episode)
-    draw_detectors(folder / "detectors.png", checkpoint_of(folder), task, seen, program.text)
+    explanation = load_agent(folder).explain(seen, program.text)
+    draw_detectors(folder / "detectors.png", task, explanation, program.text)
     return reached
 
 

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
 from math import isnan
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from pa_ros.acting.executing import Actor
-from pa_ros.arena import ArenaConfig, Design, ReachTask, condition_named
+from pa_ros.agents import TrainedAgent, acting_under, load_agent
+from pa_ros.arena import ArenaConfig, Design, condition_named
 from pa_ros.arena.camera import PICTURES
 from pa_ros.arena.formulas import FORMULAS
-from pa_ros.cli.options import add_setting, add_settings, file_to_write, settings_from
+from pa_ros.cli.options import add_setting, add_settings, asked, file_to_write, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device, versions
 from pa_ros.core.text import Report, write_report
-from pa_ros.evaluation.agents import TrainedAgent, load_agent
+from pa_ros.evaluation.conditions import RANDOM_WEIGHTS, conditions_of
 from pa_ros.evaluation.evaluate import (
     REFERENCES,
     AgentPolicy,
@@ -29,21 +29,50 @@ from pa_ros.evaluation.evaluate import (
     goal_ends,
     layouts_seed,
 )
-from pa_ros.evaluation.generalization import (
-    RANDOM_WEIGHTS,
-    acting_under,
-    condition_rows,
-    conditions_of,
-    summarize,
-)
 from pa_ros.evaluation.judgement import Judgement
 from pa_ros.evaluation.pushing import CLOSE_M, ends
-from pa_ros.evaluation.scorer import Benchmark, Scorer
-from pa_ros.language import MIN_MAX, Program, Vocabulary, logic_named, parse_goal
+from pa_ros.evaluation.scores import normalized, rewards
+from pa_ros.language import Program, Vocabulary, logic_named, parse_goal
 from pa_ros.perception import task_seen
 
 ALL, FINITE = "all", "finite"  # all conditions; those of `arena.formulas`
 ITS_OWN = "the design's"
+CHECKPOINT, POLICY, ONE = "--checkpoint", "--policy", "one condition"
+SEES, AVOIDS = "an agent that sees", "a design that avoids, such as 3-D-avoid"
+UNSHARED = f"another condition than {FINITE}"
+NEEDS = {
+    f"condition {ALL}": (CHECKPOINT,),
+    f"condition {RANDOM_WEIGHTS}": (CHECKPOINT,),
+    f"condition {FINITE}": (AVOIDS,),
+    "relations": (POLICY,),  # a checkpoint has its own
+    "layouts": (UNSHARED,),
+    "logic": (CHECKPOINT,),
+    "judge": (CHECKPOINT, ONE),
+    "pictures": (CHECKPOINT, ONE, SEES),
+}
+"""What an option, or one of its values, cannot do without."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Who is scored, and where."""
+
+    design: Design
+    arena: ArenaConfig
+    policy: AgentPolicy | str  # or the name of a reference
+    agent: TrainedAgent | None = None  # whose policy it is
+
+    @property
+    def perception(self) -> str:
+        """The calibration of the camera it sees with; empty: it is told properties."""
+        return "" if self.agent is None else self.agent.perception
+
+    def under(self, condition: str, seed: int) -> tuple[Subject, str]:
+        """Who acts under a condition, and the condition of the episodes."""
+        if self.agent is None:
+            return self, condition
+        agent, drawn_from = acting_under(condition, self.agent, seed)
+        return replace(self, policy=agent.policy, agent=agent), drawn_from
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,93 +89,86 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="train, eval, only-color, … (docs/evaluation.md), `random` for random weights, "
         "`all` for all of them, `finite` for all with formulas (%(default)s)",
     )
-    parser.add_argument(
-        "--pictures", choices=PICTURES, default="plain",
-        help="how the world looks to the camera of an agent that sees (%(default)s)",
-    )  # fmt: skip
-    add_settings(parser, EvaluationConfig, "episodes", "seed", "layouts", "logic", "judge")
+    names = ("pictures", "episodes", "seed", "layouts", "logic", "judge")
+    add_settings(parser, EvaluationConfig, *names)
     parser.add_argument("--json", type=file_to_write, help="also write the figures to this file")
 
 
 def run(options: argparse.Namespace) -> int:
     """Evaluate, print one row per program (or per condition) and the figures."""
-    if options.condition in (ALL, RANDOM_WEIGHTS) and not options.checkpoint:
-        raise ConfigError(f"eval --condition {options.condition}: expected --checkpoint, got none")
-    if options.condition == FINITE and options.layouts != "shared":
-        raise ConfigError(
-            f"eval --layouts {options.layouts}: expected another condition than {FINITE}"
-        )
-    if options.policy and options.logic != MIN_MAX.name:
-        raise ConfigError(f"eval --logic: expected --checkpoint, got --policy {options.policy}")
-    if options.policy and options.judge != "verifier":
-        raise ConfigError(f"eval --judge: expected --checkpoint, got --policy {options.policy}")
-    if options.policy and options.pictures != "plain":
-        raise ConfigError(f"eval --pictures: expected --checkpoint, got --policy {options.policy}")
-    if options.checkpoint and options.relations:
-        raise ConfigError("eval --relations: needs --policy; a checkpoint has its own relations")
-    if options.checkpoint:
-        logic = logic_named(options.logic)
-        given = options.design, options.preset, options.arm, logic
-        agent = load_agent(options.checkpoint, *given)
-        several = options.condition in (ALL, FINITE)
-        if options.pictures != "plain" and (several or not agent.perception):
-            raise ConfigError(
-                f"eval --pictures {options.pictures}: expected one condition and an agent that "
-                f"sees, got condition {options.condition}"
-            )
-        if options.judge != "verifier" and several:
-            raise ConfigError(f"eval --judge: expected one condition, got {options.condition}")
-        if options.condition == ALL:
-            return _all_conditions(agent, options)
-        if options.condition == FINITE:
-            task = task_seen(agent.arena, agent.design, options.seed, agent.perception)
-            return _formulas(task, agent.policy, options)
-        agent, drawn_from = acting_under(options.condition, agent, options.seed)
-        judgement = None
-        if options.judge == "agent" or condition_named(drawn_from, agent.design).chain:
-            actor = Actor.of(agent.snapshot, logic)
-            judgement = Judgement(actor, options.judge == "agent")
-        report = _report(
-            options, agent.design, agent.arena, agent.policy, drawn_from,
-            agent.perception, judgement,
-        )  # fmt: skip
-        report = {**report, "eval.logic": agent.logic.name, "eval.weights": agent.digest}
+    subject = _subject(options)
+    _check_needs(options, subject)
+    if options.condition == ALL:
+        report = _all_conditions(subject, options)
+    elif options.condition == FINITE:
+        report = _formulas(subject, options)
     else:
-        chosen = settings_from(options, EvaluationConfig)
-        design, arena = chosen.design_of(), chosen.arena_config()
-        if options.condition == FINITE:
-            return _formulas(ReachTask(arena, design, options.seed), options.policy, options)
-        report = _report(options, design, arena, options.policy, options.condition)
+        subject, drawn_from = subject.under(options.condition, options.seed)
+        report = _one_condition(subject, drawn_from, options)
+    report = {**report, **_setting(subject, options)}
     write_report(options.json, report, without="eval.program.")  # each has a line above
     return 0
 
 
-def _report(
-    options: argparse.Namespace,
-    design: Design,
-    arena: ArenaConfig,
-    policy: AgentPolicy | str,
+def _subject(options: argparse.Namespace) -> Subject:
+    if not options.checkpoint:
+        chosen = settings_from(options, EvaluationConfig)
+        return Subject(chosen.design_of(), chosen.arena_config(), options.policy)
+    given = options.design, options.preset, options.arm, logic_named(options.logic)
+    agent = load_agent(options.checkpoint, *given)
+    return Subject(agent.design, agent.arena, agent.policy, agent)
+
+
+def _check_needs(options: argparse.Namespace, subject: Subject) -> None:
+    """Raise ConfigError for an option that would have no effect."""
+    fulfilled = {
+        CHECKPOINT: options.checkpoint is not None,
+        POLICY: options.policy is not None,
+        ONE: options.condition not in (ALL, FINITE),
+        UNSHARED: options.condition != FINITE,
+        SEES: bool(subject.perception),
+        AVOIDS: subject.design.vocabulary.avoids,
+    }
+    for name in asked(options, EvaluationConfig):
+        option = name if name in NEEDS else f"{name} {getattr(options, name)}"
+        for need in NEEDS.get(option, ()):
+            if not fulfilled[need]:
+                raise ConfigError(f"--{option}: needs {need}")
+
+
+def _scored(
+    subject: Subject,
     drawn_from: str,
-    perception: str = "",
+    options: argparse.Namespace,
     judgement: Judgement | None = None,
-) -> Report:
+    blind: bool = False,
+) -> Evaluation:
+    """Scores on the episodes of a condition."""
     seed = options.seed if options.layouts == "shared" else layouts_seed(options.seed, drawn_from)
-    evaluation = evaluate(
-        arena, design, policy, drawn_from, options.episodes, seed,
-        perception=perception, pictures=PICTURES[options.pictures],
-        pursued=None if judgement is None else judgement.program,
+    return evaluate(
+        subject.arena, subject.design, subject.policy, drawn_from, options.episodes, seed,
+        perception=subject.perception, pictures=PICTURES[options.pictures],
+        pursued=None if judgement is None else judgement.program, blind=blind,
     )  # fmt: skip
+
+
+def _one_condition(subject: Subject, drawn_from: str, options: argparse.Namespace) -> Report:
+    """A row per program, and `eval.…` in the report."""
+    judgement, decides = None, options.judge == "agent"
+    chain = condition_named(drawn_from, subject.design).chain
+    if subject.agent is not None and (decides or chain):
+        judgement = Judgement(Actor.of(subject.agent.snapshot, subject.agent.logic), decides)
+    evaluation = _scored(subject, drawn_from, options, judgement)
     for row in by_program(evaluation):
         count = f"{row.episodes} episode{'s' * (row.episodes > 1)}"
         print(f"{row.program}: {count}, {row.reward_per_step:+.3f} per step, "
               f"{row.success_rate:.0%} near at the end")  # fmt: skip
     return {
         **figures(evaluation),
-        **_ends(evaluation, design.vocabulary),
+        **_ends(evaluation, subject.design.vocabulary),
         **({} if judgement is None else judgement.report()),
         "eval.condition": options.condition,
         "eval.pictures": options.pictures,
-        **_setting(options, design, arena),
     }
 
 
@@ -171,67 +193,57 @@ def _ends(evaluation: Evaluation, vocabulary: Vocabulary) -> Report:
     return report
 
 
-def _setting(
-    options: argparse.Namespace, design: Design, arena: ArenaConfig
-) -> dict[str, float | int | str]:
+def _setting(subject: Subject, options: argparse.Namespace) -> Report:
+    agent = subject.agent
+    acts = {} if agent is None else {"logic": agent.logic.name, "weights": agent.digest}
     return {
-        "eval.design": design.name,
-        "eval.arm": arena.arm,
-        "eval.preset": arena.preset,
+        "eval.design": subject.design.name,
+        "eval.arm": subject.arena.arm,
+        "eval.preset": subject.arena.preset,
         "eval.seed": options.seed,
         "eval.layouts": options.layouts,
+        **{f"eval.{name}": value for name, value in acts.items()},
         "device": device(),
         "threads": 1,
         "versions": versions(),
     }
 
 
-def _all_conditions(agent: TrainedAgent, options: argparse.Namespace) -> int:
+def _all_conditions(subject: Subject, options: argparse.Namespace) -> Report:
     """Every condition of the design: a table, and `eval.CONDITION.…` in the report."""
     report: dict[str, float | int | str] = {"eval.episodes": options.episodes}
-    with TemporaryDirectory() as cache:
-        benchmark = Benchmark(
-            design=agent.design,
-            arena=agent.arena,
-            episodes=options.episodes,
-            seed=options.seed,
-            layouts=options.layouts,
-        )
-        scorer = Scorer(benchmark, Path(cache))
-        for condition in conditions_of(agent.design):
-            (row,) = summarize(condition_rows(scorer, options.seed, agent, condition))
-            print(f"{condition:16s} {row.normalized:6.3f} [{row.low:.3f}, {row.high:.3f}] "
-                  f"normalized, {row.success_rate:.0%} near at the end, "
-                  f"{row.gain:+.3f} over the best blind reference", flush=True)  # fmt: skip
-            values = asdict(row)
-            report |= {
-                f"eval.{condition}.{name}": values[name]
-                for name in ("normalized", "low", "high", "success_rate", "blind_normalized")
-            }
-    report |= {"eval.logic": agent.logic.name, "eval.weights": agent.digest}
-    write_report(options.json, report | _setting(options, agent.design, agent.arena))
-    return 0
+    for condition in conditions_of(subject.design):
+        acting, drawn_from = subject.under(condition, options.seed)
+        one = _scored(acting, drawn_from, options, blind=True)
+        score, success = one.normalized, one.success_rate
+        print(f"{condition:16s} {score.mean:6.3f} [{score.low:.3f}, {score.high:.3f}] "
+              f"normalized, {success:.0%} near at the end, "
+              f"{one.gain.mean:+.3f} over the best blind reference", flush=True)  # fmt: skip
+        blind, *scale = (float(rewards(r).mean()) for r in (one.blind, one.random, one.scripted))
+        report |= {
+            f"eval.{condition}.normalized": score.mean,
+            f"eval.{condition}.low": score.low,
+            f"eval.{condition}.high": score.high,
+            f"eval.{condition}.success_rate": success,
+            f"eval.{condition}.blind_normalized": normalized(blind, *scale),
+        }
+    return report
 
 
-def _formulas(task: ReachTask, policy: AgentPolicy | str, options: argparse.Namespace) -> int:
+def _formulas(subject: Subject, options: argparse.Namespace) -> Report:
     """Every formula: a table, and `eval.CONDITION.…` in the report."""
-    if not task.design.vocabulary.avoids:
-        raise ConfigError(
-            f"eval --condition finite: expected a design that avoids, such as 3-D-avoid, got "
-            f"{task.design.name}"
-        )
+    task = task_seen(subject.arena, subject.design, options.seed, subject.perception)
     report: dict[str, float | int | str] = {"eval.episodes": options.episodes}
     print("            success  violations  formula")
     for condition, (formula, _) in FORMULAS.items():
-        ends = goal_ends(task, policy, condition, options.episodes)
+        ends = goal_ends(task, subject.policy, condition, options.episodes)
         success, violations = np.mean([(one.satisfied, one.violated) for one in ends], axis=0)
         print(f"{condition:10s}  {success:7.2f}  {violations:10.2f}  {formula}", flush=True)
         report |= {
             f"eval.{condition}.success": float(success),
             f"eval.{condition}.violations": float(violations),
         }
-    write_report(options.json, report | _setting(options, task.design, task.config))
-    return 0
+    return report
 
 
 def figures(evaluation: Evaluation) -> Report:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from pa_ros.cli.laboratory import import_command
 from pa_ros.cli.options import file_to_write
 from pa_ros.core.errors import ConfigError
 
@@ -36,18 +37,18 @@ def run(options: argparse.Namespace) -> int:
         _onnx(options)
     if options.card is not None:
         from pa_ros.core.files import write_whole
-        from pa_ros.evaluation.cards import model_card, read_report
 
-        scores = read_report(options.scores) if options.scores is not None else None
-        write_whole(options.card, model_card(options.run, scores))
+        cards = import_command("laboratory.studies.cards")
+        scores = cards.read_report(options.scores) if options.scores is not None else None
+        write_whole(options.card, cards.model_card(options.run, scores))
         print(f"{options.card}: a model card")
     return 0
 
 
 def _onnx(options: argparse.Namespace) -> None:
-    from pa_ros.evaluation.agents import load_agent
-    from pa_ros.evaluation.export import OBSERVATIONS, export_onnx
+    from pa_ros.agents import load_agent
     from pa_ros.language import parse
+    from pa_ros.tools.export import OBSERVATIONS, export_onnx
 
     agent = load_agent(options.run)
     programs = [parse(text, agent.design.vocabulary) for text in options.program]

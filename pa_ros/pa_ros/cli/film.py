@@ -43,7 +43,7 @@ def add_look(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Execute, draw, and say how many pictures there are."""
-    from pa_ros.evaluation.agents import load_agent
+    from pa_ros.agents import load_agent
     from pa_ros.tools.film import film_execution
 
     agent = load_agent(options.checkpoint)

@@ -6,7 +6,6 @@ Slow imports happen inside `main`, which ends in order when a signal arrives.
 from __future__ import annotations
 
 import argparse
-import importlib
 import io
 import os
 import sys
@@ -14,6 +13,7 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from pa_ros import __version__
+from pa_ros.cli.laboratory import import_command
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.signals import EXIT_INTERRUPTED, Interrupted, signals_interrupt
 from pa_ros.core.software import check_opengl
@@ -23,10 +23,13 @@ from pa_ros.core.text import did_you_mean, printable_lines
 COMMANDS = {
     "program": ("pa_ros.cli.program", "check the text of a program"),
     "train": ("pa_ros.cli.train", "train in one process, without ROS"),
-    "experiment": ("pa_ros.cli.experiment", "train several seeds of one setting, or study them"),
-    "ship": ("pa_ros.cli.ship", "add the policy of a run to the package"),
+    "experiment": (
+        "laboratory.commands.experiment",
+        "train several seeds of one setting, or study them",
+    ),
+    "ship": ("laboratory.commands.ship", "add the policy of a run to the package"),
     "export": ("pa_ros.cli.export", "an agent as an ONNX file or a model card"),
-    "figures": ("pa_ros.cli.figures", "draw the tables of experiments"),
+    "figures": ("laboratory.commands.figures", "draw the tables of experiments"),
     "eval": ("pa_ros.cli.evaluate", "evaluate a checkpoint or a reference policy"),
     "film": ("pa_ros.cli.film", "an agent that executes six programs, as a film"),
     "launch": ("pa_ros.cli.launch", "start nodes and show one live table"),
@@ -78,7 +81,7 @@ def build_parser(chosen: str | None) -> argparse.ArgumentParser:
             name, help=summary, description=summary, allow_abbrev=False
         )
         if name == chosen:
-            importlib.import_module(module).add_arguments(subparser)
+            import_command(module).add_arguments(subparser)
             add_extension(subparser)
     return parser
 
@@ -100,7 +103,7 @@ def _run(arguments: Sequence[str], chosen: str | None) -> int:
     given = load_extensions(arguments)
     options = build_parser(chosen).parse_args(arguments)
     options.extension = given  # also those before the command's name
-    return int(importlib.import_module(COMMANDS[options.command][0]).run(options))
+    return int(import_command(COMMANDS[options.command][0]).run(options))
 
 
 def complete() -> None:

@@ -8,6 +8,7 @@ import shlex
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
+from pa_ros.agents import camera_of, train_agent
 from pa_ros.arena import ArenaChoice, training_programs
 from pa_ros.bags.run_log import RunLog
 from pa_ros.cli import from_bag
@@ -21,7 +22,6 @@ from pa_ros.cli.options import (
 from pa_ros.cli.training_view import TrainingView
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.signals import EXIT_INTERRUPTED, signals_noted
-from pa_ros.evaluation.training import camera_of, train_agent
 from pa_ros.learning.config import TrainConfig
 from pa_ros.perception import TOLD, VIEWS
 from pa_ros.world import reward_from

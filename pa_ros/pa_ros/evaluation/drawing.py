@@ -15,22 +15,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from pa_ros.acting.insight import Explanation
 from pa_ros.arena.designs import Kind
 from pa_ros.arena.model import TABLE_SIDE_M
 from pa_ros.arena.render import top_view
 from pa_ros.arena.task import ReachTask
-from pa_ros.core.experience import Observation
-from pa_ros.evaluation.agents import load_agent
 
 
-def draw_detectors(
-    path: Path, checkpoint: Path, task: ReachTask, observation: Observation, program: str
-) -> None:
-    """The arena from above, beside what a learned actor's detectors see in this observation.
+def draw_detectors(path: Path, task: ReachTask, explanation: Explanation, program: str) -> None:
+    """The arena from above, beside what a learned actor's detectors see in it.
 
     The table shows Φ transposed and p of the program for every object.
     """
-    found = load_agent(checkpoint).explain(observation, program)
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(10, 4), layout="constrained", width_ratios=(1, 1.6)
     )
@@ -38,7 +34,7 @@ def draw_detectors(
     left.imshow(top_view(task), extent=(-half, half, -half, half))
     left.set(xlabel="x (m)", ylabel="y (m)", title="the arena from above")
     kinds = [block.kind for block in task.episode.blocks]
-    heat_map(right, kinds, found.phi, found.p, found.words)
+    heat_map(right, kinds, explanation.phi, explanation.p, explanation.words)
     right.set_title("learned detectors Φᵀ and relevant objects p")
     figure.suptitle(program, family="monospace", fontsize=10)
     save(figure, path)

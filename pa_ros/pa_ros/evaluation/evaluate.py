@@ -19,13 +19,15 @@ from pa_ros.arena import (
     random_policy,
     scripted_action,
 )
-from pa_ros.arena.camera import PLAIN, Pictures
+from pa_ros.arena.camera import PICTURES, PLAIN, Pictures
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64, Observation, Verdict
 from pa_ros.core.settings import OneOf
+from pa_ros.evaluation.blind import BLIND, blind_policy
 from pa_ros.evaluation.scores import (
     EpisodeScore,
     Interval,
+    gain_over,
     mean_interval,
     normalized,
     normalized_interval,
@@ -64,6 +66,9 @@ class EvaluationConfig(ArenaChoice):
     logic: Annotated[str, OneOf(lambda: LOGICS)] = Field(
         MIN_MAX.name, description="logic by which an agent executes programs"
     )
+    pictures: Annotated[str, OneOf(lambda: PICTURES)] = Field(
+        "plain", description="how the world looks to the camera of an agent that sees"
+    )
     judge: Annotated[str, OneOf(lambda: ("verifier", "agent"))] = Field(
         "verifier",
         description="who decides that a program of a goal is done, so that the next begins",
@@ -78,6 +83,7 @@ class Evaluation:
     scores: tuple[EpisodeScore, ...]
     random: tuple[EpisodeScore, ...]
     scripted: tuple[EpisodeScore, ...]
+    blind: tuple[EpisodeScore, ...] = ()  # of the best reference of BLIND, if they were asked for
 
     @property
     def raw(self) -> Interval:
@@ -89,6 +95,12 @@ class Evaluation:
         """Reward per step, 0 at the random and 1 at the scripted reference."""
         scores = rewards(self.scores)[None]
         return normalized_interval(scores, rewards(self.random), rewards(self.scripted))
+
+    @property
+    def gain(self) -> Interval:
+        """How much higher it scores than the best blind reference, normalized."""
+        references = map(rewards, (self.blind, self.random, self.scripted))
+        return gain_over(rewards(self.scores)[None], *references)
 
     @property
     def success_rate(self) -> float:
@@ -160,12 +172,13 @@ def evaluate(
     perception: str = "",
     pictures: Pictures = PLAIN,
     pursued: Callable[[Observation, ReachTask], Program] | None = None,
+    blind: bool = False,
 ) -> Evaluation:
     """Evaluate an agent, or a reference by name, and both references on the same episodes.
 
     `perception` is the calibration of the agent's camera, and `pictures` how the world looks to it
     (`perception.task_seen`). `pursued` says which program of a goal the agent executes at a step;
-    by default the verifier.
+    by default the verifier. `blind`: score the references that ignore the program, too.
     """
     task = ReachTask(config, design, seed)
     # The same task plays the same episodes for each policy, so only the policies differ.
@@ -182,7 +195,12 @@ def evaluate(
             return agent(observation, program)
 
         scores = tuple(run_episodes(seen, act, condition, episodes))
-    return Evaluation(condition, scores, references["random"], references["scripted"])
+    ignorant = [
+        tuple(run_episodes(task, blind_policy(task, name), condition, episodes))
+        for name in (BLIND if blind else ())
+    ]
+    best = max(ignorant, key=lambda one: float(rewards(one).mean()), default=())
+    return Evaluation(condition, scores, references["random"], references["scripted"], best)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,23 +1,18 @@
-"""How episodes end in which programs move objects, by condition and seed."""
+"""How episodes end in which programs move objects, apart by whether they name a sphere."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import nan
-from pathlib import Path
 
 import numpy as np
 
-from pa_ros.arena import conditions_for
-from pa_ros.evaluation.agents import TrainedAgent
-from pa_ros.evaluation.scorer import Benchmark, Scorer
 from pa_ros.evaluation.scores import EpisodeScore
 from pa_ros.language import Expression, Not, Vocabulary, Word, parse
 from pa_ros.language.syntax import walk
 
 CLOSE_M = 0.07  # objects closer than this are counted, too
-FEW = ("train", "eval", "pairs", "reach")  # conditions of variants
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,30 +46,6 @@ def ends(
             success, ever, close = np.mean(columns, axis=0).tolist()
             close = close if pushes else nan
             rows.append(EndsRow(seed, condition, spheres, len(own), success, ever, close, score))
-    return rows
-
-
-def ends_of(
-    agents: Mapping[int, TrainedAgent],
-    cache: Path,
-    episodes: int = 100,
-    conditions: Sequence[str] = (),
-    report: Callable[[str], None] = print,
-) -> list[EndsRow]:
-    """Score agents (by seed, of one design and arena) under `conditions` (default: all).
-
-    Scores are stored under `cache`, so that an interrupted call can continue.
-    """
-    first = next(iter(agents.values()))
-    scorer = Scorer(Benchmark(design=first.design, arena=first.arena, episodes=episodes), cache)
-    rows: list[EndsRow] = []
-    for condition in conditions or conditions_for(first.design):
-        for seed, agent in agents.items():
-            scores = scorer.agent(agent, condition)
-            score = scorer.normalized(condition, scores) if "reach" in condition else nan
-            rows += ends(scores, first.design.vocabulary, seed, condition, score)
-        mine = [row.success for row in rows if row.condition == condition and not row.spheres]
-        report(f"{condition:18s} {np.median(mine) if mine else nan:.2f} succeed (median)")
     return rows
 
 

@@ -114,7 +114,7 @@ class Arm:
         :param arena: other parameters of `sim_node`, such as `condition="only-color"`.
         :raises ChildError: if the process ends by itself; the text has the end of its log.
         """
-        from pa_ros.evaluation.agents import checkpoint_named, load_agent
+        from pa_ros.agents import checkpoint_named, load_agent
 
         checkpoint = checkpoint_named(agent)
         trained = load_agent(checkpoint)

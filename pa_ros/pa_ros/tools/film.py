@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 
+from pa_ros.agents import TrainedAgent
 from pa_ros.arena import ArenaConfig, Design, Episode, Kind, ReachTask, condition_named, generate
 from pa_ros.arena.movie import Picture, captioned, check_movie, write_movie
 from pa_ros.arena.render import draw
 from pa_ros.core.errors import ConfigError
-from pa_ros.evaluation.agents import TrainedAgent
 from pa_ros.language import ProgramError, parse, satisfying, stages
 from pa_ros.perception import task_seen
 from pa_ros.world.relation import RELATIONS

@@ -1,0 +1,110 @@
+"""Control steps per second of an arena and an agent as two processes, and where the time goes."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import sys
+import tempfile
+from pathlib import Path
+
+from laboratory.benchmarks.pingpong import WORK, measure_round_trips, nothing, physics_and_networks
+from pa_ros.core.errors import PaError
+from pa_ros.core.text import Report
+from pa_ros.tools.client import client_node
+from pa_ros.tools.domain import use_free_domain
+from pa_ros.tools.graph import start_nodes, watch
+from pa_ros.tools.launch_params import Parameters
+from pa_ros.tools.launcher import Supervisor
+from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
+from pa_ros.wire.signing import KEY_BYTES
+
+SECONDS = 4.0  # of each measurement
+TIMEOUT_S = 60.0
+PARAMETERS: Parameters = {"sim_node": {"seed": 0}, "agent_node": {"weights": "random"}}
+RATE, ARENA, POLICY = "graph.lockstep_steps_per_s", "graph.arena_us", "graph.policy_us"
+FIXED = "graph.fixed_pingpong_per_s"
+SOURCES = {
+    RATE: ("sim_node", "steps_per_s"),
+    ARENA: ("sim_node", "core_us"),
+    POLICY: ("agent_node", "core_us"),
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the benchmark's options."""
+    parser.add_argument("--rounds", type=int, default=3, help="of each measurement (%(default)s)")
+
+
+def run(options: argparse.Namespace) -> Report:
+    """Medians over rounds; graphs and bare ping-pongs of the same messages take turns.
+
+    `graph.step_us`, the time of a step, is made up of `arena_us` and `policy_us`, by the nodes' own
+    clocks; `transport_us`, a bare round trip; and `nodes_us`, the rest: encoding, checks, waking.
+    `of_fixed_pingpong` is the rate as a share of a ping-pong's that computes the physics and the
+    networks alone, so it falls if arena, policy or nodes become slower. `composed_steps_per_s` is
+    the rate of both nodes in one process; `with_key_of_without` the rate with signed messages as a
+    share of the rate without.
+    """
+    use_free_domain()
+    figures: dict[str, list[float]] = {}
+    for _ in range(options.rounds):
+        found = lockstep(PARAMETERS)
+        found["graph.composed_steps_per_s"] = lockstep(PARAMETERS, compose=True)[RATE]
+        with tempfile.TemporaryDirectory() as folder:
+            key = Path(folder) / "key"
+            key.touch(mode=0o600)
+            key.write_bytes(os.urandom(KEY_BYTES))
+            signed = {name: {**values, "auth_key_file": str(key)}
+                      for name, values in PARAMETERS.items()}  # fmt: skip
+            found["graph.with_key_steps_per_s"] = lockstep(signed)[RATE]
+        found["graph.bare_pingpong_per_s"] = pingpong()
+        found[FIXED] = pingpong(work=True)
+        for name, value in found.items():
+            figures.setdefault(name, []).append(value)
+    middle = {name: statistics.median(values) for name, values in figures.items()}
+    step_us = 1e6 / middle[RATE]
+    bare_us = 1e6 / middle["graph.bare_pingpong_per_s"]
+    return {
+        **middle,
+        "graph.with_key_of_without": middle["graph.with_key_steps_per_s"] / middle[RATE],
+        "graph.step_us": step_us,
+        "graph.transport_us": bare_us,
+        "graph.nodes_us": step_us - middle[ARENA] - middle[POLICY] - bare_us,
+        "graph.of_fixed_pingpong": middle[RATE] / middle[FIXED],
+        "graph.rounds": options.rounds,
+    }
+
+
+def lockstep(parameters: Parameters, compose: bool = False) -> dict[str, float]:
+    """Steps per second, and the arena's and the policy's time in a step, of one fresh graph."""
+    samples: list[dict[str, float]] = []
+    figures = GraphFigures()
+
+    def sample() -> None:
+        found = {name: figures.value(*source) or 0.0 for name, source in SOURCES.items()}
+        if found[RATE] and found[POLICY] and found not in samples[-1:]:
+            samples.append(found)
+
+    wanted = 2 + int(SECONDS)  # the first two are partly of the start
+    with tempfile.TemporaryDirectory() as folder, Supervisor(Path(folder)) as supervisor:
+        with client_node("bench") as node:
+            watch_diagnostics(node, figures)
+            start_nodes(supervisor, parameters, Path(folder), compose=compose)
+            if not watch(node, supervisor, sample, lambda: len(samples) >= wanted, TIMEOUT_S):
+                raise PaError(f"graph: expected steps within {TIMEOUT_S:g} s, got too few")
+    return {name: statistics.median(s[name] for s in samples[2:]) for name in SOURCES}
+
+
+def pingpong(work: bool = False) -> float:
+    command = [sys.executable, "-m", "laboratory.benchmarks.pingpong", *([WORK] if work else [])]
+    advance = physics_and_networks()[0] if work else nothing
+    with tempfile.TemporaryDirectory() as folder, Supervisor(Path(folder)) as supervisor:
+        supervisor.start("pingpong", command)
+        with client_node("bench") as node:
+            rate = measure_round_trips(node, SECONDS, TIMEOUT_S, advance)
+        supervisor.check()
+    if rate == 0.0:
+        raise PaError(f"ping-pong: expected answers within {TIMEOUT_S:g} s, got none")
+    return rate

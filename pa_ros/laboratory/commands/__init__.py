@@ -1,0 +1,1 @@
+"""Commands of `pa_ros` that only a clone has."""

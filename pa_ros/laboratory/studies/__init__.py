@@ -1,0 +1,1 @@
+"""Studies of trained agents: experiments, their tables and figures."""
