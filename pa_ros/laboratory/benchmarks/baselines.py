@@ -204,15 +204,16 @@ def trained(
     learner = Learner(network, settings.learner, training_programs(design), seed, task.scoring)
     exploration = settings.learner.exploration
     noise = ExplorationNoise(exploration, arena.control_period_s, seed, world.actions)
-    actor = None if method in OTHERS else Actor(network, logic=PRODUCT)
+    actor = None if method in OTHERS else Actor(network, noise=noise, logic=PRODUCT)
     engine: Any = learner.engine
 
     def behave(seen: Observation, program: Program) -> Float32:
         if method == "sac":
             action: Float32 = engine.sampled(seen, program)
             return action
-        greedy = engine.greedy if actor is None else actor.infer
-        return noise.explore(greedy(seen, program), seen.episode)
+        if actor is not None:
+            return actor.explore(seen, program)
+        return noise.explore(engine.greedy(seen, program), seen.episode)
 
     for episode in range(options.frames // arena.episode_steps):
         if actor is not None:
