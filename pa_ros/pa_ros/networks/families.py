@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from pa_ros.networks.config import NetworkConfig
 
 LILLICRAP_OUTPUT_SCALE = 3e-3  # Lillicrap et al. 2015, section 7
-RELATIONS = ("query", "context", "local.0", "message.0")  # layers of f, r and α whose input is ω
+BLIND = tuple(f"{x}.weight" for x in ("query", "context", "local.0", "message.0", "avoid.0"))
+"""Those whose input is ω; without `relations_see_properties` they are 0 for properties."""
 
 Shapes = dict[str, tuple[int, ...]]
 """Shapes of tensors by state-dict name."""
@@ -159,8 +160,7 @@ class Programmable(DetectorFamily):
         if self.detects(critic) and not config.detectors_have_biases:
             tensors["detectors.bias"][:] = 0.0
         if not config.relations_see_properties:
-            for layer in (*RELATIONS, *(["avoid.0"] if world.vocabulary.avoids else [])):
-                weight = tensors[f"{layer}.weight"]
+            for weight in (tensors[name] for name in BLIND if name in tensors):
                 columns = weight.reshape(len(weight), -1, world.columns)
                 columns[..., world.schema.properties] = 0.0
         if critic:

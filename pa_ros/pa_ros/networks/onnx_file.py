@@ -95,7 +95,7 @@ def write_onnx(
         raise ConfigError(
             f"export: onnx: expected programmable networks of this package, got {network.family}"
         )
-    if network.vocabulary.avoids:
+    if "avoid.0.weight" in tensors:
         raise ConfigError(
             "export: onnx: expected networks without AVOID, got ones that learned it, which are "
             "not exported"
@@ -183,7 +183,7 @@ def _actor(g: _Graph, network: NetworkConfig, tensors: Tensors) -> tuple[str, st
     numbers = g("Range", np.int64(0), g("Squeeze", count), np.int64(1))  # [N]
     own = g("Equal", numbers, g("Unsqueeze", numbers, [1]))  # the diagonal, [N, N]
     own = g("Where", own, np.float32(network.self_weight), np.float32(1))
-    if network.vocabulary.moves_objects:
+    if "roles" in meanings(network):
         moved, target = _sets(g, network, registers)
         most = g("ReduceMax", scores, axes=[1, 2], keepdims=1)
         weights = g("Mul", g("Exp", g("Sub", scores, most)), own)

@@ -105,14 +105,13 @@ class Trunk(Detectors):
         hidden = config.hidden
         self.local = nn.ModuleList([nn.Linear(columns, hidden), nn.Linear(hidden, hidden)])
         self.message = nn.ModuleList([nn.Linear(2 * columns, hidden), nn.Linear(hidden, hidden)])
-        self._of_pairs = config.vocabulary.moves_objects
-        self._of_relations = config.vocabulary.relation_inputs
-        self._of_avoided = config.vocabulary.avoids
-        if self._of_relations:
+        words = config.vocabulary
+        self._by_roles, self._avoids = words.moves_objects, words.avoids
+        if several := words.relation_inputs:
             # A vector for each relation, added in the first layer of r: "parameterizing the
             # message passing operation based on the relation to be achieved" (paper, appendix).
-            self.relation = Weight(hidden, self._of_relations)
-        if self._of_avoided:
+            self.relation = Weight(hidden, several)
+        if self._avoids:
             last = nn.Linear(hidden, hidden, bias=False)
             self.avoid = nn.ModuleList([nn.Linear(columns, hidden), last])
         upper = [nn.Linear(hidden, hidden) for _ in range(config.upper_layers)]
@@ -123,7 +122,7 @@ class Trunk(Detectors):
         phi = self.phi(objects, arm)
         columns = self.columns(objects, arm) * self.seen
         scores = self._scores(columns)  # [B, N, N]
-        if self._of_pairs:
+        if self._by_roles:
             weights = self._pairs(scores, *programs.sets(phi, hand_index, self.logic))
             p = weights.sum(-1)
         else:
@@ -137,7 +136,7 @@ class Trunk(Detectors):
         # the last layers of f and r; every row of α sums to one, so both biases weigh Σ p
         bias = p.sum(-1, keepdim=True) * (local_last.bias + message_last.bias)
         h = f @ local_last.weight.T + r @ message_last.weight.T + bias
-        if self._of_avoided:
+        if self._avoids:
             first, last = _layers(self.avoid)
             h = h + last(
                 programs.to_avoid(phi, hand_index, self.logic) @ torch.tanh(first(columns))
@@ -186,7 +185,7 @@ class Trunk(Detectors):
         Programs of one relation share their messages; where there are several, each program's have
         its own relation's share: one pass for a batch that mixes them, and K times the messages.
         """
-        if not self._of_relations:
+        if not hasattr(self, "relation"):
             return weights.flatten(2) @ torch.tanh(sums).flatten(1, 2)
         shares = self.relation.weight.T[relation][:, :, None, None]  # [B, K, 1, 1, H]
         messages = torch.tanh(sums[:, None] + shares)  # [B, K, N, N, H]

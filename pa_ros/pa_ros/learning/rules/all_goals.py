@@ -80,7 +80,8 @@ class AllGoals(Rule):
             raise ConfigError(
                 f"relabeling: expected 1 to {MAX_PROGRAMS} programs, got {len(programs)}"
             )
-        if world.vocabulary.avoids and scoring.reward.uses_measure:
+        avoids = world.vocabulary.avoids
+        if avoids and scoring.reward.uses_measure:
             raise ConfigError(
                 "relabeling: expected a reward of `satisfied` alone where programs avoid, got "
                 f"{scoring.reward.to_json()}"
@@ -88,7 +89,7 @@ class AllGoals(Rule):
         self._measures, self._world = ProgramMeasures(programs, world, scoring), world
         self._scoring, self._count = scoring, count
         self.programs = (*programs,)
-        self._avoiding = len(programs) if world.vocabulary.avoids else 0
+        self._avoiding = len(programs) if avoids else 0
         if self._avoiding:
             self.programs += tuple(
                 replace(one, avoided=other.target) for one in programs for other in programs
@@ -129,7 +130,7 @@ class AllGoals(Rule):
         """
         may_name = None
         present: NDArray[np.bool_]
-        if self._world.schema.tells_words:
+        if "may_name" not in self.columns:
             named = self._measures.named(objects[0], hand_index)  # [P, N]
             measures = self._measures(named, objects, hand_pose)  # [T + 1, P]
             present = np.asarray(named.any(-1))

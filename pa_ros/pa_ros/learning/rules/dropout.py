@@ -36,7 +36,7 @@ class PropertyDropout(Rule):
         self._rule, self.columns, self.programs = rule, rule.columns, rule.programs
         self._table, self._schema, self._probability = table, world.schema, probability
         self._named: NDArray[np.bool_] = np.zeros((0, 0), np.bool_)
-        self._kinds = Kinds(world) if world.schema.tells_words else None
+        self._kinds = None if "may_name" in rule.columns else Kinds(world)
         groups = len(world.schema.groups)
         sets = np.arange(1, 2**groups)
         gray = np.append(sets ^ sets >> 1, 0)  # neighbours differ in one group; the last is empty

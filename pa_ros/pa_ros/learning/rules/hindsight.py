@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.core.update import HAND_INDEX
-from pa_ros.language import Or, Program
+from pa_ros.language import HAND, Or, Program
 from pa_ros.learning.config import HindsightConfig
 from pa_ros.learning.errors import LearningError
 from pa_ros.learning.replay_buffer.buffer import Column, Int64, ReplayBuffer
@@ -84,7 +84,8 @@ class Hindsight(Rule):
         self._body = world.schema.bodies(kinds.features)  # [kinds]
         self._seen = None if world.schema.tells_words else SeenSets(programs, world, scoring)
         self._relations = self._table.compiled().relation
-        self._hand_moves = np.array([p.moves_hand for p in self.programs])
+        hand = len(world.vocabulary.words)  # its register
+        self._hand_moves = self._table.compiled().moved == hand
         self._of_hand: Bits = np.packbits(self._hand_moves[: len(programs)], bitorder="little")
         # A target that has a body is not moved afterwards, so hardly any transition satisfies a
         # program that names it. Agents did not learn where these were drawn as often as others.
@@ -274,7 +275,7 @@ def _either(one: Program, two: Program) -> Program | None:
         return None
     if one.moved == two.moved:
         return replace(one, target=Or((one.target, two.target)))
-    if one.target == two.target and not (one.moves_hand or two.moves_hand):
+    if one.target == two.target and HAND not in (one.moved, two.moved):
         return replace(one, moved=Or((one.moved, two.moved)))
     return None
 
