@@ -172,6 +172,8 @@ class Actor(Policy):
         """The object of each set that the agent goes for, and what networks are not to see: the
         others that the program means. Objects that are `hidden` are none of them."""
         meant = _sets(acted, MEANT if program.compares else SURELY, hidden)
+        if len(meant[0]) == len(meant[1]) == 1:  # nothing to choose, as in most scenes
+            return meant, set()
         chosen = self._compared(observation, program, meant)
         chosen = _nearest_two(chosen, observation.objects)
         return chosen, _left_out(observation, meant, chosen)
@@ -241,8 +243,6 @@ def _nearest_two(sets: Sequence[Objects], objects: Float32) -> Sequence[Objects]
     """One object of each of two sets, so that the two are as near as possible; the sets themselves
     if there are no two."""
     moved, targets = sets
-    if len(moved) == len(targets) == 1:
-        return sets
     places = objects[:, :3].tolist()
     pairs = [(dist(places[i], places[j]), i, j) for i in moved for j in targets if i != j]
     if not pairs:
