@@ -14,7 +14,7 @@ struct Pairs {
 
 inline Pairs pairs_of(const Net& net, const Work& w, const int32_t* programs) {
     bool hand[2] = {}, others[2] = {};
-    for (const int role : {kMoved, kTarget})
+    for (int role = kMoved; role <= kTarget; role++)
         for (int k = 0; k < w.programs; k++) {
             const bool of_hand = net.shape->roles && w.sets[role][programs[k]] == net.shape->words;
             hand[role] = hand[role] || of_hand || !net.shape->roles;
@@ -31,7 +31,7 @@ inline Pairs pairs_of(const Net& net, const Work& w, const int32_t* programs) {
 
 // p1 and p2 of a program that has run, in w.moved and w.senders.
 inline void assign_roles(const Net& net, Work& w, int64_t s, int64_t sk, int64_t program) {
-    for (const int role : {kMoved, kTarget}) {
+    for (int role = kMoved; role <= kTarget; role++) {
         float* out = (role == kMoved ? w.moved : w.senders) + sk * w.lanes;
         for (int i = w.objects; i < w.lanes; i++) out[i] = 0.0f;
         read_set(net, w, s, sk, w.sets[role][program], out);
@@ -94,7 +94,7 @@ inline void pairs_backward(const Net& net, Work& w, const Pairs& pairs, int64_t 
             dsenders[j] += moved[i] * d;
             w.dscore[j * w.lanes + i] += moved[i] * senders[j] * d;
         }
-    for (const int role : {kMoved, kTarget}) {
+    for (int role = kMoved; role <= kTarget; role++) {
         const int set = w.sets[role][program];
         if (set == net.shape->words) continue;  // HAND
         float* out = w.dregister + (int64_t)set * w.lanes;
