@@ -96,18 +96,18 @@ def train(
 
     The same seed gives the same weights. `evaluate_every` is the number of frames between two rows
     of scores in OUT/progress.csv. `settings` are other ones by their dotted names, such as
-    `**{"learner.updates.discount": 0.9}`, `algorithm="td3"`, `protocol="paper"`. Raises ConfigError
+    `**{"learner.updates.discount": 0.9}`, `algorithm="td3"`, `recipe="paper"`. Raises ConfigError
     for settings that cannot be, CheckpointError if `out` contains a run and `resume` is false.
     """
     from pa_ros.agents import train_agent
     from pa_ros.arena import ArenaChoice
     from pa_ros.learning.config import TrainConfig
-    from pa_ros.learning.protocols import LearningSettings, usual_protocol
+    from pa_ros.learning.recipes import LearningSettings, usual_recipe
 
     chosen = ArenaChoice(design=design, arm=arm, preset=preset)
     blocks = chosen.design_of()
-    protocol = {"protocol": usual_protocol(blocks.vocabulary)}
-    learning = LearningSettings(**(protocol | settings))
+    recipe = {"recipe": usual_recipe(blocks.vocabulary)}
+    learning = LearningSettings(**(recipe | settings))
     config = TrainConfig(
         out=Path(out), seed=seed, frames=frames, evaluate_every_frames=evaluate_every
     )

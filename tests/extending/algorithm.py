@@ -69,6 +69,6 @@ def make_engine(
     return TorchCRR(network, config, table, initial_networks(network, rng))
 
 
-# The protocol `ours` has more exploration noise, so better actions are preferred less sharply.
+# The recipe `ours` has more exploration noise, so better actions are preferred less sharply.
 VALUES = {"ours": {"learner.temperature": 0.2}}
 ALGORITHMS.register("crr", Algorithm(CRRConfig, make_engine, VALUES))

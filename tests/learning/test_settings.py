@@ -6,7 +6,7 @@ import pytest
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.config import RelabelingConfig
-from pa_ros.learning.protocols import LearningSettings
+from pa_ros.learning.recipes import LearningSettings
 
 
 def test_several_programs_need_relabeling() -> None:
@@ -15,7 +15,7 @@ def test_several_programs_need_relabeling() -> None:
         RelabelingConfig(programs_per_transition=2)
 
 
-@pytest.mark.parametrize("name", ["protocol", "algorithm"])
+@pytest.mark.parametrize("name", ["recipe", "algorithm"])
 def test_a_name_that_is_no_text_is_rejected(name: str) -> None:
     values: dict[str, Any] = {name: {}}
     with pytest.raises(ConfigError, match=rf"{name}: expected one of \[.*\], got {{}}"):

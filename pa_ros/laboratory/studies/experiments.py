@@ -35,7 +35,7 @@ from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
 from pa_ros.learning.interfaces import Evaluate
-from pa_ros.learning.protocols import DEEP, DPG, OURS, PUSH, LearningSettings, usual_protocol
+from pa_ros.learning.recipes import DEEP, DPG, OURS, PUSH, LearningSettings, usual_recipe
 from pa_ros.perception import TOLD, VIEWS, task_seen
 from pa_ros.world.relation import SIDES
 
@@ -56,7 +56,7 @@ class Experiment:
     design: str
     frames: int
     network: str = "programmable"
-    protocol: str = OURS
+    recipe: str = OURS
     preset: str = "fast"
     arm: str = "jaco"
     evaluate_every_frames: int = 2_500
@@ -70,13 +70,13 @@ class Experiment:
 
     @property
     def label(self) -> str:
-        """Name of its tables: what differs from the design's defaults (algorithm, protocol, preset,
+        """Name of its tables: what differs from the design's defaults (algorithm, recipe, preset,
         arm), and the tag."""
         parts, design = [self.name], self.task
         if self.algorithm != DPG:
             parts.append(self.algorithm)
-        if self.protocol != usual_protocol(design.vocabulary):
-            parts.append(f"{self.protocol}-protocol")
+        if self.recipe != usual_recipe(design.vocabulary):
+            parts.append(f"{self.recipe}-recipe")
         if self.preset != design.preset:
             parts.append(f"{self.preset}-arm")
         if self.arm != "jaco":
@@ -96,9 +96,9 @@ class Experiment:
 
     @property
     def settings(self) -> LearningSettings:
-        """The protocol with this experiment's networks and options."""
+        """The recipe with this experiment's networks and options."""
         return LearningSettings(
-            protocol=self.protocol,
+            recipe=self.recipe,
             algorithm=self.algorithm,
             **{"network.family": self.network, **self.options},
         )
@@ -123,7 +123,7 @@ class Experiment:
 
 def _pushing(design: str, name: str = "", relations: tuple[str, ...] = ()) -> Experiment:
     """An experiment in which objects are moved."""
-    return Experiment(name or design, design, 150_000, protocol=PUSH, preset="push",
+    return Experiment(name or design, design, 150_000, recipe=PUSH, preset="push",
                       evaluate_every_frames=10_000, relations=relations)  # fmt: skip
 
 
@@ -141,9 +141,9 @@ EXPERIMENTS = {
         _seeing("camera", "2-L"),
         *(_seeing(view, "3-D") for view in VIEWS),
         Experiment("programmable-3D-exact", "3-D-exact", 30_000),
-        Experiment("relations-3D", "3-D-relations", 100_000, protocol=DEEP),
-        Experiment("above-red-3D", "3-D-above-red", 60_000, protocol=DEEP),
-        Experiment("avoid-3D", "3-D-avoid", 100_000, protocol=DEEP),
+        Experiment("relations-3D", "3-D-relations", 100_000, recipe=DEEP),
+        Experiment("above-red-3D", "3-D-above-red", 60_000, recipe=DEEP),
+        Experiment("avoid-3D", "3-D-avoid", 100_000, recipe=DEEP),
         Experiment("sizes", "sizes", 40_000),
         Experiment("distilled-2L", "2-L", 30_000, network="distilled-critic"),
         Experiment("distilled-3D", "3-D", 30_000, network="distilled-critic"),
@@ -180,15 +180,15 @@ ABLATIONS: Mapping[str, Mapping[str, Any]] = {
 PAPER_FRAMES = {"2": 2_000_000, "3": 5_000_000}  # by the number of shapes and colors
 
 
-def under_protocol(experiment: Experiment, protocol: str) -> Experiment:
-    """The experiment under another protocol; under `paper`, for as many frames as the paper."""
-    if protocol != "paper" or experiment.design[0] not in PAPER_FRAMES:
-        return replace(experiment, protocol=protocol)
+def under_recipe(experiment: Experiment, recipe: str) -> Experiment:
+    """The experiment under another recipe; under `paper`, for as many frames as the paper."""
+    if recipe != "paper" or experiment.design[0] not in PAPER_FRAMES:
+        return replace(experiment, recipe=recipe)
     frames = PAPER_FRAMES[experiment.design[0]]
     switch = frames // 2 if experiment.switch_frames else 0
     return replace(
         experiment,
-        protocol=protocol,
+        recipe=recipe,
         frames=frames,
         evaluate_every_frames=50_000,
         switch_frames=switch,

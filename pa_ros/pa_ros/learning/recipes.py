@@ -1,4 +1,4 @@
-"""How to learn: all settings of learner and network, with named sets of defaults (protocols)."""
+"""How to learn: all settings of learner and network, with named sets of defaults (recipes)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _PAPER: Values = {
     "network.detector_init_scale": 0.0,
 }
 
-# One recipe for every arm (docs/DESIGN.md, "What our protocol changes, and why"). Nothing in it
+# One recipe for every arm (docs/DESIGN.md, "What our recipe changes, and why"). Nothing in it
 # depends on the arm or on how far learning is.
 _OURS: Values = {
     "learner.relabeling.rule": "all-goals",
@@ -79,19 +79,19 @@ _DEEP: Values = {
     "network.attention": 32,
 }
 
-PROTOCOLS: Mapping[str, Values] = {"paper": _PAPER, OURS: _OURS, PUSH: _PUSH, DEEP: _DEEP}
+RECIPES: Mapping[str, Values] = {"paper": _PAPER, OURS: _OURS, PUSH: _PUSH, DEEP: _DEEP}
 
 
-def usual_protocol(vocabulary: Vocabulary) -> str:
+def usual_recipe(vocabulary: Vocabulary) -> str:
     """The default of a world, by what its programs do."""
     if vocabulary.moves_objects:
         return PUSH
     return DEEP if vocabulary.avoids or len(vocabulary.relations) > 1 else OURS
 
 
-def _defaults(protocol: str, algorithm: str) -> dict[str, Settings]:
-    """The parts `learner` and `network` as a protocol and an algorithm have them."""
-    values = nested({**PROTOCOLS[protocol], **ALGORITHMS[algorithm].values.get(protocol, {})})
+def _defaults(recipe: str, algorithm: str) -> dict[str, Settings]:
+    """The parts `learner` and `network` as a recipe and an algorithm have them."""
+    values = nested({**RECIPES[recipe], **ALGORITHMS[algorithm].values.get(recipe, {})})
     parts = {"learner": ALGORITHMS[algorithm].config(), "network": NetworkSettings()}
     return {name: part.changed(**values.get(name, {})) for name, part in parts.items()}
 
@@ -102,13 +102,13 @@ _USUAL: dict[str, Any] = _defaults(OURS, DPG)
 class LearningSettings(Settings):
     """How to learn, and with which networks.
 
-    A protocol is a named set of defaults: `LearningSettings(protocol="paper", **{"learner.updates.
-    discount": 0.9})` is the paper's protocol but for one setting. The algorithm decides which
+    A recipe is a named set of defaults: `LearningSettings(recipe="paper", **{"learner.updates.
+    discount": 0.9})` is the paper's recipe but for one setting. The algorithm decides which
     settings `learner` has. In `changed`, every setting that is not named keeps its value, also
-    where the protocol's name changes.
+    where the recipe's name changes.
     """
 
-    protocol: Annotated[str, OneOf(lambda: PROTOCOLS)] = Field(
+    recipe: Annotated[str, OneOf(lambda: RECIPES)] = Field(
         OURS,
         description="named set of defaults for `learner` and `network`: the paper's, ours, or ours "
         "for programs that move objects (push), or avoid some or have several relations (deep)",
@@ -121,15 +121,15 @@ class LearningSettings(Settings):
 
     @model_validator(mode="before")
     @classmethod
-    def _follow_the_protocol(cls, values: Any) -> Any:
-        """Give every setting of the two parts that is absent the protocol's value."""
+    def _follow_the_recipe(cls, values: Any) -> Any:
+        """Give every setting of the two parts that is absent the recipe's value."""
         if not isinstance(values, Mapping):
             return values
         values = nested(values)
-        protocol, algorithm = values.get("protocol", OURS), values.get("algorithm", DPG)
-        names = isinstance(protocol, str) and isinstance(algorithm, str)
-        if names and protocol in PROTOCOLS and algorithm in ALGORITHMS:  # else rejected by name
-            for name, part in _defaults(protocol, algorithm).items():
+        recipe, algorithm = values.get("recipe", OURS), values.get("algorithm", DPG)
+        names = isinstance(recipe, str) and isinstance(algorithm, str)
+        if names and recipe in RECIPES and algorithm in ALGORITHMS:  # else rejected by name
+            for name, part in _defaults(recipe, algorithm).items():
                 given = values.get(name, {})
                 if isinstance(given, Mapping):
                     values[name] = part.changed(**given)
