@@ -32,7 +32,7 @@ def test_the_actor_learns_the_rewarded_action(tmp_path: Path) -> None:
     fast: dict[str, Any] = {
         "learner.optimizer.actor_rate": 3e-3,
         "learner.optimizer.critic_rate": 3e-3,
-        "network.critic_output_bias": 0,  # the values of a bandit are near 0
+        "network.critic_starts_unrewarded": False,  # the values of a bandit are near 0
     }
     learner = trained(tmp_path, algorithm="crr", frames=100, **fast)
     (batch,) = learner.batches(1)

@@ -28,6 +28,7 @@ from pa_ros.core.experience import Float32, Observation
 from pa_ros.core.text import Report
 from pa_ros.core.update import Batch, Engine
 from pa_ros.learning.algorithms import ALGORITHMS
+from pa_ros.learning.algorithms.dpg.builder import initial_networks
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.learner import Learner
@@ -35,7 +36,6 @@ from pa_ros.learning.recipes import LearningSettings
 from pa_ros.native import library as fused_library
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import family_of
-from pa_ros.networks.parameters import initial_actor, initial_critic
 from pa_ros.world.schema import ObjectSchema
 
 Update = Callable[[Batch], None]
@@ -207,9 +207,9 @@ def repeated(update: Update, batches: Sequence[Batch]) -> Callable[[int], None]:
 
 
 def _straightforward(learner: Learner) -> StraightforwardEngine:
-    rng, network, config = np.random.default_rng(0), learner.network, learner.config
-    tensors = initial_actor(network, rng), initial_critic(network, rng)
+    network, config = learner.network, learner.config
     assert isinstance(config, DPGConfig)  # RECIPE's algorithm
+    tensors = initial_networks(network, config, np.random.default_rng(0)).values()
     return StraightforwardEngine(network, config, learner.table, *tensors)
 
 

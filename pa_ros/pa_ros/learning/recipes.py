@@ -23,7 +23,7 @@ Values = Mapping[str, Any]  # by dotted path, "learner.PART.NAME" or "network.NA
 _PAPER: Values = {
     "learner.schedule.trajectory_steps": 1,
     "learner.schedule.policy_lag": 0,
-    "network.critic_output_bias": -100.0,
+    "network.critic_starts_unrewarded": True,
     "network.detector_init_scale": 0.0,
 }
 
@@ -39,7 +39,7 @@ _OURS: Values = {
     "learner.detectors.gain": 3.0,
     "learner.detectors.sparsity": 0.3,
     "learner.exploration.sigma": 1.0,
-    "network.critic_output_bias": -20.0,
+    "network.critic_starts_unrewarded": True,
     "network.detector_init_scale": 0.0,
     "network.detectors_have_biases": False,
     "network.position_scale": 20.0,
@@ -60,7 +60,6 @@ _PUSH: Values = {
     "learner.exploration.held": 0.3,
     "learner.detectors.sparsity": 0.1,
     "learner.relabeling.property_dropout": 0.0,
-    "network.critic_output_bias": -33.0,
     "network.upper_layers": 1,
     "network.hidden": 128,
     "network.attention": 32,
