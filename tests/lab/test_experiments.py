@@ -76,7 +76,7 @@ def test_labels_name_what_differs_from_the_defaults():
     assert usual.label == "programmable-2L"
     paper = under_recipe(replace(usual, preset="paper", tag="k4"), "paper")
     assert paper.label == "programmable-2L.paper-recipe.paper-arm.k4"
-    assert (paper.frames, under_recipe(usual, "ours")) == (2_000_000, usual)
+    assert (paper.frames, under_recipe(usual, "ours").label) == (2_000_000, usual.label)
     assert under_recipe(EXPERIMENTS["forgetting"], "paper").switch_frames == 2_500_000
     with pytest.raises(ConfigError, match="got 10"):
         replace(usual, frames=10)

@@ -160,7 +160,7 @@ def _experiment(options: argparse.Namespace, name: str) -> Experiment:
     experiment = under_recipe(experiment, options.recipe or experiment.recipe)
     experiment = replace(
         experiment,
-        preset=experiment.preset if options.preset == "fast" else options.preset,
+        preset=options.preset or experiment.preset,
         arm=options.arm,
         algorithm=options.algorithm,
         options={**experiment.options, **changes},

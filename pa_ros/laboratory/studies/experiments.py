@@ -20,12 +20,7 @@ from laboratory.studies.tables import (
     write_setting,
 )
 from pa_ros.agents import camera_of, load_agent, train_agent
-from pa_ros.arena import (
-    Design,
-    design_named,
-    preset_named,
-    scoring_of,
-)
+from pa_ros.arena import ArenaConfig, Design, design_named, preset_for, scoring_of
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device, versions
 from pa_ros.language import PRODUCT
@@ -35,7 +30,7 @@ from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
 from pa_ros.learning.interfaces import Evaluate
-from pa_ros.learning.recipes import DEEP, DPG, OURS, PUSH, LearningSettings, usual_recipe
+from pa_ros.learning.recipes import DPG, LearningSettings, usual_recipe
 from pa_ros.perception import TOLD, VIEWS, task_seen
 from pa_ros.world.relation import SIDES
 
@@ -56,8 +51,8 @@ class Experiment:
     design: str
     frames: int
     network: str = "programmable"
-    recipe: str = OURS
-    preset: str = "fast"
+    recipe: str = ""  # empty: the usual one of the design
+    preset: str = ""  # of the arena; empty: the design's own
     arm: str = "jaco"
     evaluate_every_frames: int = 2_500
     evaluation_episodes: int = 50
@@ -75,9 +70,9 @@ class Experiment:
         parts, design = [self.name], self.task
         if self.algorithm != DPG:
             parts.append(self.algorithm)
-        if self.recipe != usual_recipe(design.vocabulary):
+        if self.recipe not in ("", usual_recipe(design.vocabulary)):
             parts.append(f"{self.recipe}-recipe")
-        if self.preset != design.preset:
+        if self.preset not in ("", design.preset):
             parts.append(f"{self.preset}-arm")
         if self.arm != "jaco":
             parts.append(self.arm)
@@ -90,6 +85,11 @@ class Experiment:
         return design.with_relations(*self.relations) if self.relations else design
 
     @property
+    def arena(self) -> ArenaConfig:
+        """The arena in which it is trained."""
+        return preset_for(self.task, self.preset, self.arm)
+
+    @property
     def score(self) -> str:
         """The measure by which it is judged: NORMALIZED or SUCCESS."""
         return SUCCESS if self.task.vocabulary.moves_objects else NORMALIZED
@@ -98,7 +98,7 @@ class Experiment:
     def settings(self) -> LearningSettings:
         """The recipe with this experiment's networks and options."""
         return LearningSettings(
-            recipe=self.recipe,
+            recipe=self.recipe or usual_recipe(self.task.vocabulary),
             algorithm=self.algorithm,
             **{"network.family": self.network, **self.options},
         )
@@ -123,8 +123,9 @@ class Experiment:
 
 def _pushing(design: str, name: str = "", relations: tuple[str, ...] = ()) -> Experiment:
     """An experiment in which objects are moved."""
-    return Experiment(name or design, design, 150_000, recipe=PUSH, preset="push",
-                      evaluate_every_frames=10_000, relations=relations)  # fmt: skip
+    return Experiment(
+        name or design, design, 150_000, evaluate_every_frames=10_000, relations=relations
+    )
 
 
 def _seeing(view: str, design: str) -> Experiment:
@@ -141,9 +142,9 @@ EXPERIMENTS = {
         _seeing("camera", "2-L"),
         *(_seeing(view, "3-D") for view in VIEWS),
         Experiment("programmable-3D-exact", "3-D-exact", 30_000),
-        Experiment("relations-3D", "3-D-relations", 100_000, recipe=DEEP),
-        Experiment("above-red-3D", "3-D-above-red", 60_000, recipe=DEEP),
-        Experiment("avoid-3D", "3-D-avoid", 100_000, recipe=DEEP),
+        Experiment("relations-3D", "3-D-relations", 100_000),
+        Experiment("above-red-3D", "3-D-above-red", 60_000),
+        Experiment("avoid-3D", "3-D-avoid", 100_000),
         Experiment("sizes", "sizes", 40_000),
         Experiment("distilled-2L", "2-L", 30_000, network="distilled-critic"),
         Experiment("distilled-3D", "3-D", 30_000, network="distilled-critic"),
@@ -204,8 +205,7 @@ def check_run(experiment: Experiment, seed: int, folder: Path, ended: bool = Fal
         newest, _ = newest_whole(checkpoint_of(folder))
     except CheckpointError:
         return
-    arena = preset_named(experiment.preset, experiment.arm)
-    design, settings = experiment.task, experiment.settings
+    arena, design, settings = experiment.arena, experiment.task, experiment.settings
     kept = str(read_metadata(newest)["extra"].get("perception", ""))
     world = task_seen(arena, design, seed, kept).world
     values = check_trained_with(
@@ -263,7 +263,7 @@ def _train_until(
     condition: str,
     scores: Evaluate | None,
 ) -> None:
-    arena, resume = preset_named(experiment.preset, experiment.arm), holds_checkpoint(folder)
+    arena, resume = experiment.arena, holds_checkpoint(folder)
     seen = folder if resume else None, arena, experiment.task, experiment.perception
     train_agent(
         arena,
@@ -380,6 +380,8 @@ def write_table(
     settings = experiment.settings
     setting = {
         **asdict(experiment),
+        "recipe": settings.recipe,
+        "preset": experiment.arena.preset,
         "score": experiment.score,
         "learner": settings.learner.model_dump(mode="json"),
         "network_options": settings.network.model_dump(mode="json"),
