@@ -20,7 +20,7 @@ from pa_ros.core.settings import Leaf, Settings
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.td3.config import TD3Config
 from pa_ros.learning.config import LearnerConfig
-from pa_ros.learning.protocols import PROTOCOLS, LearningSettings
+from pa_ros.learning.recipes import RECIPES, LearningSettings
 from pa_ros.networks.config import NetworkSettings
 from sim_node.config import SimConfig
 from sim_node.robot.settings import RobotSettings
@@ -32,7 +32,7 @@ NODES: dict[str, type[Settings]] = {
     "agent_node": AgentConfig,
     "learner_node": LearnerNodeConfig,
 }
-OF_PROTOCOLS = ("learner.", "network.")  # described once, in docs/learning.md
+OF_RECIPES = ("learner.", "network.")  # described once, in docs/learning.md
 # By what the nodes are started for: what each node's file says differently from the defaults.
 PURPOSES: dict[str, dict[str, dict[str, object]]] = {
     "learn": {
@@ -47,11 +47,11 @@ PURPOSES: dict[str, dict[str, dict[str, object]]] = {
 }
 SETS: dict[str, dict[str, dict[str, Any]]] = {  # marker: named sets of values, by path
     "arena": {name: PRESETS[name].flat() for name in ("paper", "fast", "push")},
-    "learner": {name: LearningSettings(protocol=name).learner.flat() for name in PROTOCOLS},
+    "learner": {name: LearningSettings(recipe=name).learner.flat() for name in RECIPES},
     "td3": {
-        name: LearningSettings(protocol=name, algorithm="td3").learner.flat() for name in PROTOCOLS
+        name: LearningSettings(recipe=name, algorithm="td3").learner.flat() for name in RECIPES
     },
-    "network": {name: LearningSettings(protocol=name).network.flat() for name in PROTOCOLS},
+    "network": {name: LearningSettings(recipe=name).network.flat() for name in RECIPES},
 }
 TABLES: dict[str, tuple[str, type[Settings]]] = {  # marker: file, settings
     "arena": ("docs/arena.md", ArenaConfig),
@@ -75,15 +75,15 @@ def parameters_yaml(node: str, purpose: str) -> str:
         "  ros__parameters:",
     ]
     for leaf in NODES[node].leaves():
-        if leaf.path.startswith(OF_PROTOCOLS):
+        if leaf.path.startswith(OF_RECIPES):
             continue
         default = changed.get(leaf.path, leaf.default)
         default = list(default or ("",)) if isinstance(default, tuple) else default
         value = yaml.safe_dump(default, default_flow_style=True, width=1000).partition("\n")[0]
         lines += [f"    # {leaf.description}", f"    {leaf.path}: {value}"]
-    if any(leaf.path.startswith(OF_PROTOCOLS) for leaf in NODES[node].leaves()):
+    if any(leaf.path.startswith(OF_RECIPES) for leaf in NODES[node].leaves()):
         lines += [
-            "    # Settings that follow the protocol (docs/learning.md), such as",
+            "    # Settings that follow the recipe (docs/learning.md), such as",
             "    # learner.updates.discount: 0.95",
             "    # network.family: programmable",
         ]
@@ -94,7 +94,7 @@ def table(kind: type[Settings], sets: dict[str, dict[str, Any]]) -> str:
     """A row for each setting, with its value in each named set.
 
     TD3's table has only the settings that DPG lacks. A node's table omits the settings of its
-    protocol and those that all nodes share, the robot's those of sim_node.
+    recipe and those that all nodes share, the robot's those of sim_node.
     """
     names = ["Name", "Default", *(f"`{name}`" for name in sets), "Expected", "Meaning"]
     rows = [f"| {' | '.join(names)} |", "|---" * len(names) + "|"]
@@ -102,7 +102,7 @@ def table(kind: type[Settings], sets: dict[str, dict[str, Any]]) -> str:
     leaves = list(kind.leaves())
     if kind in NODES.values():
         shared = {leaf.path for leaf in NodeSettings.leaves()}
-        leaves = [leaf for leaf in leaves if not leaf.path.startswith(OF_PROTOCOLS)]
+        leaves = [leaf for leaf in leaves if not leaf.path.startswith(OF_RECIPES)]
     if kind is RobotSettings:
         shared = {leaf.path for leaf in ArenaChoice.leaves()}
     leaves = [leaf for leaf in leaves if leaf.path not in shared]

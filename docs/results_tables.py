@@ -56,10 +56,10 @@ SEEDS = {
     "canonical-2L": "2-L, canonical",
     "canonical-2C": "2-C, canonical",
     "canonical-3C": "3-C, canonical",
-    "programmable-2L.paper-protocol": "2-L, `paper`",
-    "programmable-3D.paper-protocol": "3-D, `paper`",
-    "canonical-2L.paper-protocol": "2-L, canonical, `paper`",
-    "canonical-2C.paper-protocol": "2-C, canonical, `paper`",
+    "programmable-2L.paper-recipe": "2-L, `paper`",
+    "programmable-3D.paper-recipe": "3-D, `paper`",
+    "canonical-2L.paper-recipe": "2-L, canonical, `paper`",
+    "canonical-2C.paper-recipe": "2-C, canonical, `paper`",
 }
 HEADLINES = {  # on the front page: design, arm, options of the experiment
     "programmable-2L": ("2-L: 2 shapes × 2 colors, one pair held out", "fast", ""),

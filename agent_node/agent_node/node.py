@@ -26,7 +26,7 @@ from pa_ros.core.experience import (
 )
 from pa_ros.language import Goal, ProgramError, Vocabulary, logic_named
 from pa_ros.learning.checkpoints import load_policy
-from pa_ros.learning.protocols import LearningSettings
+from pa_ros.learning.recipes import LearningSettings
 from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.parameters import initial_actor
 from pa_ros.provenance import origin

@@ -150,7 +150,7 @@ class LearnerNode(ManagedNode):
         self._rates = RateMeter(worker.metrics)
         self.get_logger().info(
             f"run {worker.run.info.run_id}: design {arena.design}, arm {arena.arm}, "
-            f"{arena.preset}, protocol {self.config.protocol}, {worker.engine} updates by "
+            f"{arena.preset}, recipe {self.config.recipe}, {worker.engine} updates by "
             f"{self.config.algorithm}; checkpoints in {self.config.out or 'none (parameter out)'}"
         )
 

@@ -87,27 +87,28 @@ def train(
     frames: int = 30_000,
     seed: int = 0,
     arm: str = "jaco",
-    preset: str = "fast",
+    preset: str = "",
     resume: bool = False,
     evaluate_every: int = 10_000,
     **settings: Any,
 ) -> TrainedAgent:
     """Train an agent as `pa_ros train` does, and return it; `out` is a new folder for all results.
 
-    The same seed gives the same weights. `evaluate_every` is the number of frames between two rows
-    of scores in OUT/progress.csv. `settings` are other ones by their dotted names, such as
-    `**{"learner.updates.discount": 0.9}`, `algorithm="td3"`, `protocol="paper"`. Raises ConfigError
-    for settings that cannot be, CheckpointError if `out` contains a run and `resume` is false.
+    The same seed gives the same weights. `preset` is as in `make_arena`. `evaluate_every` is the
+    number of frames between two rows of scores in OUT/progress.csv. `settings` are other ones by
+    their dotted names, such as `**{"learner.updates.discount": 0.9}`, `algorithm="td3"`,
+    `recipe="paper"`. Raises ConfigError for settings that cannot be, CheckpointError if `out`
+    contains a run and `resume` is false.
     """
     from pa_ros.agents import train_agent
     from pa_ros.arena import ArenaChoice
     from pa_ros.learning.config import TrainConfig
-    from pa_ros.learning.protocols import LearningSettings, usual_protocol
+    from pa_ros.learning.recipes import LearningSettings, usual_recipe
 
     chosen = ArenaChoice(design=design, arm=arm, preset=preset)
     blocks = chosen.design_of()
-    protocol = {"protocol": usual_protocol(blocks.vocabulary)}
-    learning = LearningSettings(**(protocol | settings))
+    recipe = {"recipe": usual_recipe(blocks.vocabulary)}
+    learning = LearningSettings(**(recipe | settings))
     config = TrainConfig(
         out=Path(out), seed=seed, frames=frames, evaluate_every_frames=evaluate_every
     )
@@ -148,13 +149,13 @@ class Arena:
     verdict: Verdict
 
     def __init__(self, design: str, arm: str, preset: str, seed: int, perception: str) -> None:
-        from pa_ros.arena import design_named, preset_named
+        from pa_ros.arena import design_named, preset_for
         from pa_ros.core.experience import ENDLESS
         from pa_ros.perception import task_seen
 
         blocks = design_named(design)
         # A scene may last for many programs.
-        config = preset_named(preset or blocks.preset, arm).changed(episode_steps=ENDLESS)
+        config = preset_for(blocks, preset, arm).changed(episode_steps=ENDLESS)
         self.task = task_seen(config, blocks, seed, perception)
         self.reset()
 

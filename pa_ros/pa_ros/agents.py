@@ -27,7 +27,7 @@ from pa_ros.learning.folder import checkpoint_of
 from pa_ros.learning.interfaces import Evaluate, Log, Watcher
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.loop import train
-from pa_ros.learning.protocols import LearningSettings
+from pa_ros.learning.recipes import LearningSettings
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.parameters import initial_actor
 from pa_ros.perception import TOLD, VIEWS, calibrated, task_seen

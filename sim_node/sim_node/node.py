@@ -66,7 +66,7 @@ class SimNode(ManagedNode):
         self._create_services()
         self.get_logger().info(
             f"arena {self.session.arena_id}: design {self.config.design}, arm "
-            f"{self.config.arm}, {self.config.preset}, {self.config.mode}, programs "
+            f"{self.config.arm}, {self.session.arena.preset}, {self.config.mode}, programs "
             f"from {self.config.program_source}"
         )
         period_s = self.session.arena.control_period_s / self.config.real_time_factor

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 from collections import Counter
+from collections.abc import Callable
 from itertools import combinations
 from math import hypot
 from pathlib import Path
@@ -13,6 +15,7 @@ import mujoco
 import numpy as np
 import pytest
 
+import pa_ros
 from pa_ros import make_arena
 from pa_ros.arena import (
     Design,
@@ -36,6 +39,7 @@ from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import parse, roles
 from pa_ros.world.world import World
+from sim_node.config import SimConfig
 
 CONFIG, PUSH_2 = preset_named("push"), design_named("push-2")
 NAMES = ("push-2", "push-3D")
@@ -197,12 +201,31 @@ def test_a_world_with_a_controller_is_data_and_reaching_has_none() -> None:
     assert reaching.joint_action(action, np.zeros(6)) is action
 
 
-def test_the_preset_follows_the_design_and_must_touch_blocks() -> None:
+def test_the_preset_is_the_designs_own_unless_another_is_chosen() -> None:
     assert ArenaChoice(design="push-2").arena_config().preset == "push"
     assert ArenaChoice(design="push-2", preset="push-slow").arena_config().hand_speed == 0.25
     assert ArenaChoice(design="2-L").arena_config().preset == "fast"
-    with pytest.raises(ConfigError, match="push-2: expected a preset whose arm touches blocks"):
-        ReachTask(preset_named("fast"), PUSH_2, seed=0)
+    assert SimConfig(design="push-2").arena_config().preset == "push"
+    for function in (pa_ros.train, pa_ros.make_arena):
+        assert inspect.signature(function).parameters["preset"].default == ""
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: ArenaChoice(design="push-2", preset="fast").arena_config(),
+        lambda: SimConfig(design="push-2", preset="fast"),
+        lambda: make_arena("push-2", preset="fast"),
+        lambda: gymnasium.make("pa_ros/Reach-v0", design="push-2", preset="fast"),
+        lambda: ReachTask(preset_named("fast"), PUSH_2, seed=0),
+    ],
+)
+def test_a_preset_that_does_not_fit_is_rejected_with_those_that_fit(
+    make: Callable[[], object],
+) -> None:
+    fitting = r"\['paper', 'push', 'push-joints', 'push-slow'\]"
+    with pytest.raises(ConfigError, match=f"preset: expected one of {fitting} for push-2.*'fast'"):
+        make()
 
 
 def test_gymnasium_and_five_lines_of_python_move_blocks() -> None:

@@ -66,7 +66,10 @@ def test_verify_finds_every_version_and_transition_equal(recorded, capsys):
     assert len(hashes) == 2 and len(set(hashes)) == 1 and len(hashes[0]) == 64
 
 
-@pytest.mark.parametrize(("option", "own"), [("--algorithm=td3", "dpg"), ("--design=3-D", "2-L")])
+@pytest.mark.parametrize(
+    ("option", "own"),
+    [("--algorithm=td3", "dpg"), ("--design=3-D", "2-L"), ("--recipe=paper", "ours")],
+)
 def test_an_option_that_contradicts_the_recording_is_rejected(
     recorded, tmp_path, option, own, capsys
 ):

@@ -147,6 +147,14 @@ def test_published_tables_are_written_over_only_when_that_is_asked_for(command):
     assert parser.parse_args([*command, "--publish"]).results == Path("docs/results")
 
 
+def test_the_older_name_of_the_recipe_is_accepted_and_not_shown():
+    parser = build_parser("train")
+    run = ["train", "--out", "unused"]
+    given = parser.parse_args([*run, "--protocol", "paper"])
+    assert given == parser.parse_args([*run, "--recipe", "paper"])
+    assert "--protocol" not in parser.format_help()
+
+
 def test_a_reader_that_has_read_enough_is_no_error():
     command = [sys.executable, "-m", "pa_ros", "program", "check", "NEAR(HAND, RED)"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:

@@ -20,7 +20,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import PolicySnapshot, PublishedPolicy, Step
 from pa_ros.language import MIN_MAX, PRODUCT, parse, relevance
 from pa_ros.learning.checkpoints import load_policy
-from pa_ros.learning.protocols import LearningSettings
+from pa_ros.learning.recipes import LearningSettings
 from pa_ros.networks.parameters import initial_actor
 from pa_ros.provenance import describe
 from pa_ros.ros.refusals import Refusals

@@ -66,9 +66,9 @@ def make_engine(
     network: NetworkConfig, config: CRRConfig, table: ProgramTable, rng: np.random.Generator
 ) -> Engine:
     """An engine with random initial weights."""
-    return TorchCRR(network, config, table, initial_networks(network, rng))
+    return TorchCRR(network, config, table, initial_networks(network, config, rng))
 
 
-# The protocol `ours` has more exploration noise, so better actions are preferred less sharply.
+# The recipe `ours` has more exploration noise, so better actions are preferred less sharply.
 VALUES = {"ours": {"learner.temperature": 0.2}}
 ALGORITHMS.register("crr", Algorithm(CRRConfig, make_engine, VALUES))

@@ -52,7 +52,7 @@ class Returns(TorchDPG):
 
 def make_engine(network: Any, config: Any, table: Any, rng: Any) -> Returns:
     """An engine with random initial weights."""
-    engine = Returns(network, config, table, *initial_networks(network, rng).values())
+    engine = Returns(network, config, table, *initial_networks(network, config, rng).values())
     engine.steps = config.steps
     return engine
 

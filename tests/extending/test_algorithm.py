@@ -9,7 +9,7 @@ import pytest
 
 from helpers.learners import load_example, trained
 from pa_ros.core.errors import ConfigError
-from pa_ros.learning.protocols import LearningSettings
+from pa_ros.learning.recipes import LearningSettings
 from pa_ros.learning.run import LearningRun
 from pa_ros.networks.torch_actor import TorchActor
 
@@ -32,7 +32,7 @@ def test_the_actor_learns_the_rewarded_action(tmp_path: Path) -> None:
     fast: dict[str, Any] = {
         "learner.optimizer.actor_rate": 3e-3,
         "learner.optimizer.critic_rate": 3e-3,
-        "network.critic_output_bias": 0,  # the values of a bandit are near 0
+        "network.critic_starts_unrewarded": False,  # the values of a bandit are near 0
     }
     learner = trained(tmp_path, algorithm="crr", frames=100, **fast)
     (batch,) = learner.batches(1)
@@ -57,11 +57,11 @@ def test_the_actor_learns_the_rewarded_action(tmp_path: Path) -> None:
     np.testing.assert_allclose(acted.action, 0.5, atol=0.15)
 
 
-def test_its_settings_are_options_with_defaults_by_protocol() -> None:
+def test_its_settings_are_options_with_defaults_by_recipe() -> None:
     load_example("algorithm")
     ours = LearningSettings(algorithm="crr")
     assert ours.flat()["learner.temperature"] == 0.2
-    paper = LearningSettings(protocol="paper", algorithm="crr")
+    paper = LearningSettings(recipe="paper", algorithm="crr")
     assert paper.flat()["learner.temperature"] == 0.1
     changed = ours.changed(**{"learner.temperature": 0.3})
     assert changed.flat()["learner.temperature"] == 0.3

@@ -11,6 +11,7 @@ from helpers.learners import NETWORK, load_example, trained
 from pa_ros.core.errors import ConfigError
 from pa_ros.networks.config import actor_config
 from pa_ros.networks.families import family_of
+from pa_ros.networks.parameters import initial_critic
 
 
 def test_it_learns_in_torch_and_its_agent_acts_and_explains(tmp_path: Path) -> None:
@@ -27,10 +28,10 @@ def test_it_learns_in_torch_and_its_agent_acts_and_explains(tmp_path: Path) -> N
 
 def test_the_seed_determines_the_initial_weights_which_the_family_may_change() -> None:
     load_example("transformer")
-    network = NETWORK.changed(family="transformer", critic_output_bias=-20.0)
+    network = NETWORK.changed(family="transformer")
     family = family_of(network)
     one, same, other = (
-        family.initial(network, True, np.random.default_rng(seed)) for seed in (0, 0, 1)
+        initial_critic(network, np.random.default_rng(seed), start=-20.0) for seed in (0, 0, 1)
     )
     assert all(np.array_equal(one[name], same[name]) for name in one)
     assert not np.array_equal(one["enter.weight"], other["enter.weight"])

@@ -69,11 +69,9 @@ class Transformer(DetectorFamily):
         return Actor, Critic
 
     def initial(self, config: NetworkConfig, critic: bool, rng: np.random.Generator) -> Tensors:
-        """Those of the modules, but actions are small at first, and Q as without a reward."""
+        """Those of the modules, but actions are small at first."""
         tensors = super().initial(config, critic, rng)
-        if critic:
-            tensors["output.bias"][:] = config.critic_output_bias
-        else:
+        if not critic:
             tensors["output.weight"] *= 0.01
         return tensors
 

@@ -26,7 +26,7 @@ from pa_ros.core.experience import (
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.loop import train
-from pa_ros.learning.protocols import LearningSettings
+from pa_ros.learning.recipes import LearningSettings
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor
 from pa_ros.wire.arena import ArenaDescription, Mode
@@ -163,7 +163,7 @@ def following(learner: LearnerInfo = FAR_BEHIND) -> LearningAgent:
 
 EXAMPLES = Path(__file__).parents[1] / "extending"
 FRAMES = 300
-# Settings for the protocol `ours` with which a few hundred frames are enough.
+# Settings for the recipe `ours` with which a few hundred frames are enough.
 SMALL: dict[str, Any] = {
     "learner.replay.warmup_frames": 100,
     "learner.replay.batch_size": 16,

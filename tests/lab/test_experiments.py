@@ -18,7 +18,7 @@ from laboratory.studies.experiments import (
     final_scores,
     run_seed,
     summarize,
-    under_protocol,
+    under_recipe,
 )
 from laboratory.studies.seeds import tabulate, train_seeds
 from laboratory.studies.tables import CURVE, EvaluationError, frames_done, read_curve, read_curves
@@ -74,10 +74,10 @@ def test_a_score_on_fresh_episodes_counts_more_than_the_curve():
 def test_labels_name_what_differs_from_the_defaults():
     usual = EXPERIMENTS["programmable-2L"]
     assert usual.label == "programmable-2L"
-    paper = under_protocol(replace(usual, preset="paper", tag="k4"), "paper")
-    assert paper.label == "programmable-2L.paper-protocol.paper-arm.k4"
-    assert (paper.frames, under_protocol(usual, "ours")) == (2_000_000, usual)
-    assert under_protocol(EXPERIMENTS["forgetting"], "paper").switch_frames == 2_500_000
+    paper = under_recipe(replace(usual, preset="paper", tag="k4"), "paper")
+    assert paper.label == "programmable-2L.paper-recipe.paper-arm.k4"
+    assert (paper.frames, under_recipe(usual, "ours").label) == (2_000_000, usual.label)
+    assert under_recipe(EXPERIMENTS["forgetting"], "paper").switch_frames == 2_500_000
     with pytest.raises(ConfigError, match="got 10"):
         replace(usual, frames=10)
 
@@ -146,7 +146,7 @@ def test_a_run_of_another_setting_is_rejected(tmp_path, unbroken) -> None:
     check_run(SMALL, 1, tmp_path / "absent")
     for other, reason in (
         (replace(SMALL, options={**LEARNS, "learner.detectors.gain": 5}), "gain: .*3.0, here 5.0"),
-        (replace(SMALL, protocol="paper"), "discount: checkpoint 0.95, here 0.99"),
+        (replace(SMALL, recipe="paper"), "discount: checkpoint 0.95, here 0.99"),
         (replace(SMALL, algorithm="td3"), "algorithm: checkpoint 'dpg', here 'td3'"),
         (
             replace(SMALL, network="canonical"),

@@ -93,6 +93,8 @@ def test_a_setting_is_read_if_it_says_what_is_needed(tmp_path) -> None:
     assert read_setting(tmp_path / "a.csv", "design") == {"design": "2-L"}
     with pytest.raises(EvaluationError, match=r"expected JSON with \['arm'\], got \['design'\]"):
         read_setting(tmp_path / "a.csv", "arm")
+    write_setting(tmp_path / "older.csv", {"protocol": "ours"})
+    assert read_setting(tmp_path / "older.csv", "recipe") == {"recipe": "ours"}
 
 
 @pytest.mark.parametrize("text", ["{", "[]"])

@@ -12,7 +12,7 @@ from pa_ros.core.experience import TrajectoryKey
 from pa_ros.learning.errors import LearningError
 from pa_ros.learning.fixed_order import FixedOrder, in_fixed_order
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.protocols import LearningSettings
+from pa_ros.learning.recipes import LearningSettings
 from pa_ros.learning.run import LearningRun
 from pa_ros.world import Trajectory
 

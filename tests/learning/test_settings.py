@@ -1,12 +1,16 @@
-"""Settings of learning that contradict each other, or name nothing, are rejected in one line."""
+"""Settings of learning: what contradicts or names nothing is rejected in one line, and what follows
+from another setting is computed."""
 
 from typing import Any
 
 import pytest
 
+from helpers.learners import DESIGN, WORLD
+from pa_ros.arena import training_programs
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.config import RelabelingConfig
-from pa_ros.learning.protocols import LearningSettings
+from pa_ros.learning.learner import Learner
+from pa_ros.learning.recipes import LearningSettings
 
 
 def test_several_programs_need_relabeling() -> None:
@@ -15,8 +19,28 @@ def test_several_programs_need_relabeling() -> None:
         RelabelingConfig(programs_per_transition=2)
 
 
-@pytest.mark.parametrize("name", ["protocol", "algorithm"])
+@pytest.mark.parametrize("name", ["recipe", "algorithm"])
 def test_a_name_that_is_no_text_is_rejected(name: str) -> None:
     values: dict[str, Any] = {name: {}}
     with pytest.raises(ConfigError, match=rf"{name}: expected one of \[.*\], got {{}}"):
         LearningSettings(**values)
+
+
+@pytest.mark.parametrize(
+    ("recipe", "discount", "value"),
+    [
+        ("paper", 0.99, -100.0),
+        ("ours", 0.95, -20.0),
+        ("deep", 0.95, -20.0),
+        ("push", 0.97, -33.0),
+        ("push", 0.985, -66.0),
+        ("ours", 0.9, -10.0),
+    ],
+)
+def test_the_critic_starts_at_the_value_of_never_being_rewarded(
+    recipe: str, discount: float, value: float
+) -> None:
+    learning = LearningSettings(recipe=recipe, **{"learner.updates.discount": discount})
+    network = learning.network.for_world(WORLD)
+    learner = Learner(network, learning.learner, training_programs(DESIGN), seed=0)
+    assert learner.engine.tensors()["critic.output.bias"] == [value]

@@ -26,17 +26,28 @@ WORLD = World(PAPER, WORDS, joints=6)
 
 @pytest.mark.parametrize("kind", tuple(FAMILIES))
 def test_json_round_trip(kind) -> None:
-    config = NetworkConfig(world=WORLD, family=kind, hidden=7, critic_output_bias=-100.0)
+    config = NetworkConfig(world=WORLD, family=kind, hidden=7, critic_starts_unrewarded=True)
     assert NetworkConfig.from_json(config.to_json()) == config
     again = actor_config(config.architecture)
     assert again.architecture == config.architecture
     assert actor_shapes(again) == actor_shapes(config)
 
 
+@pytest.mark.parametrize(("bias", "unrewarded"), [(-20.0, True), (0.0, False)])
+def test_an_older_description_has_the_value_at_which_the_critic_starts(bias, unrewarded) -> None:
+    values = json.loads(NetworkConfig(world=WORLD).to_json()) | {"critic_output_bias": bias}
+    del values["critic_starts_unrewarded"]
+    older = NetworkConfig.from_json(json.dumps(values))
+    assert older == NetworkConfig(world=WORLD, critic_starts_unrewarded=unrewarded)
+
+
 def test_architecture_tells_actors_apart_and_nothing_else() -> None:
     config = NetworkConfig(world=WORLD)
     other_words = Vocabulary.of(shape=("SPHERE", "CUBE", "C"), color=("BLUE", "A"))
-    same = [config.changed(family="distilled-critic"), config.changed(critic_output_bias=-100.0)]
+    same = [
+        config.changed(family="distilled-critic"),
+        config.changed(critic_starts_unrewarded=True),
+    ]
     other = [
         config.changed(hidden=151),
         config.changed(attention=65),
@@ -74,9 +85,9 @@ def test_shapes_are_those_of_the_design_notes() -> None:
 
 
 def test_initial_weights() -> None:
-    config = NetworkConfig(world=WORLD, critic_output_bias=-100.0)
+    config = NetworkConfig(world=WORLD)
     rng = np.random.default_rng(5)
-    actor, critic = initial_actor(config, rng), initial_critic(config, rng)
+    actor, critic = initial_actor(config, rng), initial_critic(config, rng, -100.0)
     assert critic["output.bias"] == [-100.0]
     assert 2e-3 < np.abs(actor["output.weight"]).max() <= 3e-3
     assert 0.11 < np.abs(actor["message.0.weight"]).max() <= 68**-0.5

@@ -12,7 +12,7 @@ from pa_ros.core.experience import PolicySnapshot
 from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.loop import train
-from pa_ros.learning.protocols import LearningSettings
+from pa_ros.learning.recipes import LearningSettings
 from pa_ros.tools.launch_params import Parameters
 
 pytestmark = pytest.mark.graph

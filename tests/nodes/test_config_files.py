@@ -28,7 +28,7 @@ def test_a_parameter_file_is_read_as_the_defaults_but_for_what_it_names(purpose,
     content = yaml.safe_load(text)[f"/**/{node}"]["ros__parameters"]
     kind, changed = reference.NODES[node], reference.PURPOSES[purpose][node]
     described = {leaf.path for leaf in kind.leaves()}
-    assert set(content) == {p for p in described if not p.startswith(reference.OF_PROTOCOLS)}
+    assert set(content) == {p for p in described if not p.startswith(reference.OF_RECIPES)}
     given = {path: () if value == [""] else value for path, value in content.items()}
     assert kind().changed(**given) == kind().changed(**changed)
     assert all(path in text.partition("/**")[0] for path in changed)

@@ -143,8 +143,8 @@ def test_each_nodes_parameters_say_what_they_mean(node_with, kind, name, constra
     assert described.description
 
 
-def test_a_parameter_that_nobody_gave_follows_the_protocol(node_with):
-    node = node_with("protocol:=paper", "learner.replay.batch_size:=8")
+def test_a_parameter_that_nobody_gave_follows_the_recipe(node_with):
+    node = node_with("recipe:=paper", "learner.replay.batch_size:=8")
     parameters = NodeParameters(node, LearnerNodeConfig)
     assert node.get_parameter("learner.updates.discount").value is None
     settings = parameters.fix()
@@ -152,7 +152,7 @@ def test_a_parameter_that_nobody_gave_follows_the_protocol(node_with):
     assert node.get_parameter("learner.updates.discount").value == 0.99
     assert node.get_parameter("network.family").value == "programmable"
     parameters.open()
-    node.set_parameters([Parameter("protocol", value="ours")])
+    node.set_parameters([Parameter("recipe", value="ours")])
     settings = parameters.fix()
     assert settings.learner.updates.discount == 0.95
     assert settings.learner.replay.batch_size == 8

@@ -170,12 +170,12 @@ class BaselineActor(nn.Module):
 class BaselineCritic(nn.Module):
     """Q of the encoder's answer and an action."""
 
-    def __init__(self, network: NetworkConfig, encoder: Encoder) -> None:
+    def __init__(self, network: NetworkConfig, encoder: Encoder, discount: float) -> None:
         super().__init__()
         self.encoder = encoder(network)
         output = nn.Linear(WIDTH, 1)
         with torch.no_grad():
-            output.bias.fill_(network.critic_output_bias)
+            output.bias.fill_(network.critic_start(discount))
         self.last = nn.Sequential(_mlp(WIDTH + network.world.actions, WIDTH), output)
 
     def trunk(self, objects: Tensor, arm: Tensor, goal: Tensor, hand_index: int = 0) -> Tensor:
@@ -199,7 +199,7 @@ class _Encoded(TorchEngine):
     def _module(self, name: str, tensors: Tensors) -> nn.Module:
         if name == ACTOR:
             return BaselineActor(self._network, self.encoder, self.outputs)
-        return BaselineCritic(self._network, self.encoder)
+        return BaselineCritic(self._network, self.encoder, self._config.updates.discount)
 
     def programs(self, program: NDArray[np.int32]) -> Any:
         if self._known != len(self._table):

@@ -38,7 +38,7 @@ from pa_ros.core.text import Report
 from pa_ros.evaluation.evaluate import EPISODES_SEED, layouts_seed
 from pa_ros.language import MIN_MAX, PRODUCT, Program, Word
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.protocols import LearningSettings
+from pa_ros.learning.recipes import LearningSettings
 from pa_ros.networks.errors import NetworkError
 
 FAMILIES = {"ours": "programmable", "true-properties": "true-properties", "canonical": "canonical"}

@@ -28,19 +28,19 @@ from pa_ros.core.experience import Float32, Observation
 from pa_ros.core.text import Report
 from pa_ros.core.update import Batch, Engine
 from pa_ros.learning.algorithms import ALGORITHMS
+from pa_ros.learning.algorithms.dpg.builder import initial_networks
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.protocols import LearningSettings
+from pa_ros.learning.recipes import LearningSettings
 from pa_ros.native import library as fused_library
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import family_of
-from pa_ros.networks.parameters import initial_actor, initial_critic
 from pa_ros.world.schema import ObjectSchema
 
 Update = Callable[[Batch], None]
 
-DESIGN, PROTOCOL = "2-L", "ours"
+DESIGN, RECIPE = "2-L", "ours"
 OURS = "learner.updates_per_s"
 TWO_THREADS = "learner.updates_per_s_2_threads"
 SAMPLED = "learner.sampled_updates_per_s"  # batches drawn from the replay buffer
@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> Report:
 def setting(kind: str) -> tuple[NetworkConfig, LearnerConfig]:
     """Networks of this kind and the learner's settings, as `pa_ros train` has them."""
     world = world_of(preset_named("fast"), design_named(DESIGN))
-    settings = LearningSettings(protocol=PROTOCOL)
+    settings = LearningSettings(recipe=RECIPE)
     return settings.network.changed(family=kind).for_world(world), settings.learner
 
 
@@ -207,9 +207,9 @@ def repeated(update: Update, batches: Sequence[Batch]) -> Callable[[int], None]:
 
 
 def _straightforward(learner: Learner) -> StraightforwardEngine:
-    rng, network, config = np.random.default_rng(0), learner.network, learner.config
-    tensors = initial_actor(network, rng), initial_critic(network, rng)
-    assert isinstance(config, DPGConfig)  # PROTOCOL's algorithm
+    network, config = learner.network, learner.config
+    assert isinstance(config, DPGConfig)  # RECIPE's algorithm
+    tensors = initial_networks(network, config, np.random.default_rng(0)).values()
     return StraightforwardEngine(network, config, learner.table, *tensors)
 
 

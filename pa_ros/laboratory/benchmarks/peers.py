@@ -24,7 +24,7 @@ import numpy as np
 
 from laboratory.studies.experiments import EXPERIMENTS, Experiment, run_seed
 from laboratory.studies.tables import read_rows, write_rows
-from pa_ros.arena import design_named, preset_named
+from pa_ros.arena import design_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation
 from pa_ros.core.signals import end_with_parent, interrupts_later
@@ -181,7 +181,7 @@ class _Contender:
         self._name, self._seed, self._experiment, self._path = name, seed, experiment, path
         package = PACKAGES["pa_ros" if name == OURS else PEERS[name][0]]
         self._library = f"{package} {version(package)}"
-        arena, design = preset_named(experiment.preset), design_named(experiment.design)
+        arena, design = experiment.arena, design_named(experiment.design)
         self._scores = TrainingScores(arena, design, experiment.evaluation_episodes)
         self._not_training_s = time.process_time()
         self._rows: list[PeerScore] = []

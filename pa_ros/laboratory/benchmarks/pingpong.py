@@ -22,7 +22,7 @@ import numpy as np
 
 from laboratory.benchmarks.samples import sample_step
 from pa_ros.arena import ReachTask, design_named, preset_named
-from pa_ros.learning.protocols import LearningSettings
+from pa_ros.learning.recipes import LearningSettings
 from pa_ros.native.engine import FusedActor
 from pa_ros.networks.parameters import initial_actor
 from pa_ros.ros import topics

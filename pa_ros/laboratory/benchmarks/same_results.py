@@ -23,18 +23,30 @@ from typing import NamedTuple
 
 
 class Case(NamedTuple):
-    """Options of `pa_ros train`."""
+    """Options of `pa_ros train`; empty: its default."""
 
     design: str
-    protocol: str
-    preset: str
-    network: str = "programmable"
+    recipe: str = ""
+    preset: str = ""
+    network: str = ""
+    arm: str = ""
+    perception: str = ""
+
+    @property
+    def given(self) -> dict[str, str]:
+        """The options that are not empty, by name."""
+        return {name: value for name, value in self._asdict().items() if value}
 
 
 CASES = (
     *starmap(Case, product(("2-L", "3-D"), ("paper", "ours"), ("fast", "paper"))),
-    *(Case("2-L", "ours", "fast", name) for name in ("distilled-critic", "canonical")),
+    *(Case("2-L", network=name) for name in ("distilled-critic", "canonical")),
+    Case("2-L", arm="panda"),
+    Case("push-2"),
+    Case("3-D-avoid"),
+    Case("2-L", perception="camera"),
 )
+FRAMES, WARMUP_FRAMES = 1500, 300  # so that most of the frames have an update
 GRAPH_S = 40.0  # of a graph that learns, its start included
 FEWEST_VERSIONS = 20  # that both graphs must publish
 STOP_S = 60.0
@@ -77,14 +89,21 @@ class Build:
     def __init__(self, environment: Path) -> None:
         self._bin = environment / "bin"
 
-    def weights(self, case: Case, frames: int) -> str:
+    def weights(self, case: Case) -> str:
         """The hash of networks, targets and moments after a run in one process with seed 0."""
         with tempfile.TemporaryDirectory() as folder:
-            options = case._asdict() | {"seed": "0", "frames": str(frames)}
-            options |= {"eval-every": "0", "out": folder}
+            options = {self._name_of(name): value for name, value in case.given.items()}
+            options |= {"seed": "0", "frames": str(FRAMES), "eval-every": "0", "out": folder}
+            options["learner.replay.warmup_frames"] = str(WARMUP_FRAMES)
             given = [word for name, value in options.items() for word in (f"--{name}", value)]
             self._run("pa_ros", "train", *given)
             return self._run("python", "-c", HASH_CHECKPOINT, f"{folder}/checkpoint").strip()
+
+    def _name_of(self, option: str) -> str:
+        """An option's name in this build: older ones call the recipe the protocol."""
+        if option == "recipe" and "--recipe" not in self._run("pa_ros", "train", "--help"):
+            return "protocol"
+        return option
 
     def versions(self, domain: int) -> dict[str, str]:
         """The hash of every version that a graph with design 2-L publishes within GRAPH_S."""
@@ -126,12 +145,12 @@ def _environment() -> dict[str, str]:
     return kept | {"OMP_NUM_THREADS": "1"}
 
 
-def compare(builds: tuple[Build, Build], frames: int) -> Iterator[tuple[str, str, str]]:
+def compare(builds: tuple[Build, Build]) -> Iterator[tuple[str, str, str]]:
     """Yield what was run, and the hash of each build."""
     with ThreadPoolExecutor(2) as pool:
         for case in CASES:
-            ours, base = pool.map(partial(Build.weights, case=case, frames=frames), builds)
-            yield f"{frames} frames of {' '.join(case)}", ours, base
+            ours, base = pool.map(partial(Build.weights, case=case), builds)
+            yield f"{FRAMES} frames of {' '.join(case.given.values())}", ours, base
     domains = random.SystemRandom().sample(range(1, 102), 2)
     ours_versions, base_versions = map(Build.versions, builds, domains)
     common = sorted(set(ours_versions) & set(base_versions), key=int)
@@ -147,12 +166,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("ours", type=Path, help="virtual environment of one build")
     parser.add_argument("base", type=Path, help="of the other")
-    parser.add_argument("--frames", type=int, default=5000)
     options = parser.parse_args()
     builds = Build(options.ours.absolute()), Build(options.base.absolute())
     differ = 0
-    for name, ours, base in compare(builds, options.frames):
-        print(f"{name:<32} {ours} {base} {'equal' if ours == base else 'DIFFERENT'}", flush=True)
+    for name, ours, base in compare(builds):
+        print(f"{name:<35} {ours} {base} {'equal' if ours == base else 'DIFFERENT'}", flush=True)
         differ += ours != base
     print("EQUAL" if not differ else f"{differ} DIFFER")
     return bool(differ)

@@ -148,8 +148,8 @@ def _conditions(
 
 def _experiment(options: argparse.Namespace, name: str) -> Experiment:
     """The experiment with the settings that were given."""
-    from laboratory.studies.experiments import ABLATIONS, EXPERIMENTS, SUCCESS, under_protocol
-    from pa_ros.learning.protocols import LearningSettings
+    from laboratory.studies.experiments import ABLATIONS, EXPERIMENTS, SUCCESS, under_recipe
+    from pa_ros.learning.recipes import LearningSettings
 
     experiment = EXPERIMENTS[name]
     changes = learning_given(options, LearningSettings(algorithm=options.algorithm))
@@ -157,10 +157,10 @@ def _experiment(options: argparse.Namespace, name: str) -> Experiment:
         changes = dict(ABLATIONS.get(options.tag, {}))
     if bool(changes) != bool(options.tag):
         raise ConfigError("--tag: expected together with changed settings of learning")
-    experiment = under_protocol(experiment, options.protocol or experiment.protocol)
+    experiment = under_recipe(experiment, options.recipe or experiment.recipe)
     experiment = replace(
         experiment,
-        preset=experiment.preset if options.preset == "fast" else options.preset,
+        preset=options.preset or experiment.preset,
         arm=options.arm,
         algorithm=options.algorithm,
         options={**experiment.options, **changes},

@@ -20,12 +20,7 @@ from laboratory.studies.tables import (
     write_setting,
 )
 from pa_ros.agents import camera_of, load_agent, train_agent
-from pa_ros.arena import (
-    Design,
-    design_named,
-    preset_named,
-    scoring_of,
-)
+from pa_ros.arena import ArenaConfig, Design, design_named, preset_for, scoring_of
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device, versions
 from pa_ros.language import PRODUCT
@@ -35,7 +30,7 @@ from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
 from pa_ros.learning.interfaces import Evaluate
-from pa_ros.learning.protocols import DEEP, DPG, OURS, PUSH, LearningSettings, usual_protocol
+from pa_ros.learning.recipes import DPG, LearningSettings, usual_recipe
 from pa_ros.perception import TOLD, VIEWS, task_seen
 from pa_ros.world.relation import SIDES
 
@@ -56,8 +51,8 @@ class Experiment:
     design: str
     frames: int
     network: str = "programmable"
-    protocol: str = OURS
-    preset: str = "fast"
+    recipe: str = ""  # empty: the usual one of the design
+    preset: str = ""  # of the arena; empty: the design's own
     arm: str = "jaco"
     evaluate_every_frames: int = 2_500
     evaluation_episodes: int = 50
@@ -70,14 +65,14 @@ class Experiment:
 
     @property
     def label(self) -> str:
-        """Name of its tables: what differs from the design's defaults (algorithm, protocol, preset,
+        """Name of its tables: what differs from the design's defaults (algorithm, recipe, preset,
         arm), and the tag."""
         parts, design = [self.name], self.task
         if self.algorithm != DPG:
             parts.append(self.algorithm)
-        if self.protocol != usual_protocol(design.vocabulary):
-            parts.append(f"{self.protocol}-protocol")
-        if self.preset != design.preset:
+        if self.recipe not in ("", usual_recipe(design.vocabulary)):
+            parts.append(f"{self.recipe}-recipe")
+        if self.preset not in ("", design.preset):
             parts.append(f"{self.preset}-arm")
         if self.arm != "jaco":
             parts.append(self.arm)
@@ -90,15 +85,20 @@ class Experiment:
         return design.with_relations(*self.relations) if self.relations else design
 
     @property
+    def arena(self) -> ArenaConfig:
+        """The arena in which it is trained."""
+        return preset_for(self.task, self.preset, self.arm)
+
+    @property
     def score(self) -> str:
         """The measure by which it is judged: NORMALIZED or SUCCESS."""
         return SUCCESS if self.task.vocabulary.moves_objects else NORMALIZED
 
     @property
     def settings(self) -> LearningSettings:
-        """The protocol with this experiment's networks and options."""
+        """The recipe with this experiment's networks and options."""
         return LearningSettings(
-            protocol=self.protocol,
+            recipe=self.recipe or usual_recipe(self.task.vocabulary),
             algorithm=self.algorithm,
             **{"network.family": self.network, **self.options},
         )
@@ -123,8 +123,9 @@ class Experiment:
 
 def _pushing(design: str, name: str = "", relations: tuple[str, ...] = ()) -> Experiment:
     """An experiment in which objects are moved."""
-    return Experiment(name or design, design, 150_000, protocol=PUSH, preset="push",
-                      evaluate_every_frames=10_000, relations=relations)  # fmt: skip
+    return Experiment(
+        name or design, design, 150_000, evaluate_every_frames=10_000, relations=relations
+    )
 
 
 def _seeing(view: str, design: str) -> Experiment:
@@ -141,9 +142,9 @@ EXPERIMENTS = {
         _seeing("camera", "2-L"),
         *(_seeing(view, "3-D") for view in VIEWS),
         Experiment("programmable-3D-exact", "3-D-exact", 30_000),
-        Experiment("relations-3D", "3-D-relations", 100_000, protocol=DEEP),
-        Experiment("above-red-3D", "3-D-above-red", 60_000, protocol=DEEP),
-        Experiment("avoid-3D", "3-D-avoid", 100_000, protocol=DEEP),
+        Experiment("relations-3D", "3-D-relations", 100_000),
+        Experiment("above-red-3D", "3-D-above-red", 60_000),
+        Experiment("avoid-3D", "3-D-avoid", 100_000),
         Experiment("sizes", "sizes", 40_000),
         Experiment("distilled-2L", "2-L", 30_000, network="distilled-critic"),
         Experiment("distilled-3D", "3-D", 30_000, network="distilled-critic"),
@@ -180,15 +181,15 @@ ABLATIONS: Mapping[str, Mapping[str, Any]] = {
 PAPER_FRAMES = {"2": 2_000_000, "3": 5_000_000}  # by the number of shapes and colors
 
 
-def under_protocol(experiment: Experiment, protocol: str) -> Experiment:
-    """The experiment under another protocol; under `paper`, for as many frames as the paper."""
-    if protocol != "paper" or experiment.design[0] not in PAPER_FRAMES:
-        return replace(experiment, protocol=protocol)
+def under_recipe(experiment: Experiment, recipe: str) -> Experiment:
+    """The experiment under another recipe; under `paper`, for as many frames as the paper."""
+    if recipe != "paper" or experiment.design[0] not in PAPER_FRAMES:
+        return replace(experiment, recipe=recipe)
     frames = PAPER_FRAMES[experiment.design[0]]
     switch = frames // 2 if experiment.switch_frames else 0
     return replace(
         experiment,
-        protocol=protocol,
+        recipe=recipe,
         frames=frames,
         evaluate_every_frames=50_000,
         switch_frames=switch,
@@ -204,8 +205,7 @@ def check_run(experiment: Experiment, seed: int, folder: Path, ended: bool = Fal
         newest, _ = newest_whole(checkpoint_of(folder))
     except CheckpointError:
         return
-    arena = preset_named(experiment.preset, experiment.arm)
-    design, settings = experiment.task, experiment.settings
+    arena, design, settings = experiment.arena, experiment.task, experiment.settings
     kept = str(read_metadata(newest)["extra"].get("perception", ""))
     world = task_seen(arena, design, seed, kept).world
     values = check_trained_with(
@@ -263,7 +263,7 @@ def _train_until(
     condition: str,
     scores: Evaluate | None,
 ) -> None:
-    arena, resume = preset_named(experiment.preset, experiment.arm), holds_checkpoint(folder)
+    arena, resume = experiment.arena, holds_checkpoint(folder)
     seen = folder if resume else None, arena, experiment.task, experiment.perception
     train_agent(
         arena,
@@ -380,6 +380,8 @@ def write_table(
     settings = experiment.settings
     setting = {
         **asdict(experiment),
+        "recipe": settings.recipe,
+        "preset": experiment.arena.preset,
         "score": experiment.score,
         "learner": settings.learner.model_dump(mode="json"),
         "network_options": settings.network.model_dump(mode="json"),

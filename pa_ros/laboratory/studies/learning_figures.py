@@ -59,7 +59,7 @@ def learning_figure(table: Path) -> Path:
             axes.text(x, 0.35, f" {text}", fontsize=8, rotation=90, va="bottom", ha="right",
                       transform=axes.get_xaxis_transform())  # fmt: skip
     title = (
-        f"{setting['design']}, {setting['network']}, protocol {setting['protocol']}, "
+        f"{setting['design']}, {setting['network']}, recipe {setting['recipe']}, "
         f"{setting.get('arm', 'jaco')}, {setting['preset']} preset: "
         f"{count} seed{'s' if count > 1 else ''}"
     )
@@ -76,7 +76,7 @@ def algorithms_figure(path: Path, tables: Mapping[str, Path]) -> None:
     for (label, table), color in zip(tables.items(), cycle(_SEVERAL), strict=False):
         curves, setting = _read(table)
         _curve(axes, _scores(curves, column), f"{label}, {len(curves)} seeds, held out", color)
-    title = f"{setting['design']}, {setting['network']}, protocol {setting['protocol']}"
+    title = f"{setting['design']}, {setting['network']}, recipe {setting['recipe']}"
     _finish(figure, axes, title)
     save(figure, path)
 
@@ -90,7 +90,7 @@ def is_curves(table: Path) -> bool:
 
 
 def _read(table: Path) -> tuple[Curves, dict[str, Any]]:
-    needed = ("design", "network", "protocol", "preset", "switch_frames", "learner")
+    needed = ("design", "network", "recipe", "preset", "switch_frames", "learner")
     return read_curves(table), read_setting(table, *needed)
 
 

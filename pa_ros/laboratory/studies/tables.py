@@ -109,6 +109,8 @@ def read_setting(table: Path, *needed: str) -> dict[str, Any]:
         setting = read_json(path.read_text())
     except (OSError, ValueError) as error:
         raise EvaluationError(f"{path}: {error!r}") from error
+    if isinstance(setting, dict) and "protocol" in setting:  # in older tables
+        setting["recipe"] = setting.pop("protocol")
     if not isinstance(setting, dict) or not setting.keys() >= set(needed):
         got = sorted(setting) if isinstance(setting, dict) else type(setting).__name__
         raise EvaluationError(f"{path}: expected JSON with {sorted(needed)}, got {got}")

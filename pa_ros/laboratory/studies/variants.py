@@ -1,4 +1,4 @@
-"""Compare an experiment with its variants: what each ingredient of a protocol contributes."""
+"""Compare an experiment with its variants: what each ingredient of a recipe contributes."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from laboratory.studies.experiments import (
 )
 from laboratory.studies.tables import EvaluationError, read_curves, read_rows, read_setting
 from pa_ros.evaluation.scores import mean_interval
-from pa_ros.learning.protocols import DPG
+from pa_ros.learning.recipes import DPG
 
 NO_VARIANTS = "evaluation.no_variants"
-_SAME = ("arm", "preset", "protocol", "algorithm")  # in all tables that are compared
+_SAME = ("arm", "preset", "recipe", "algorithm")  # in all tables that are compared
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class Variant:
     """One setting, judged by its curves up to `frames`. Scores are as in SeedSummary."""
 
     label: str
-    changed: str  # options of the protocol (empty for the protocol itself), or the algorithm
+    changed: str  # options of the recipe (empty for the recipe itself), or the algorithm
     seeds: int
     frames: float
     solved: int  # seeds whose held-out score is at least SOLVED at `frames`
@@ -46,7 +46,7 @@ def compare(
     """Compare the table `name` in `results` with those that differ from it in `by` only.
 
     All are cut to the frames of the shortest curve. `name` is an experiment's label, such as
-    `programmable-3D.paper-arm`; `by` is "options" (of the protocol) or "algorithm". Returns a row
+    `programmable-3D.paper-arm`; `by` is "options" (of the recipe) or "algorithm". Returns a row
     for each table, and each one's seeds. Raises EvaluationError with the code NO_VARIANTS if there
     is nothing to compare, with another code for damaged files.
     """
@@ -57,7 +57,7 @@ def compare(
     )
     settings = {
         table: {"arm": "jaco", "algorithm": DPG, "score": NORMALIZED}
-        | read_setting(table, "preset", "protocol", "options")
+        | read_setting(table, "preset", "recipe", "options")
         for table in tables
     }
     own = settings.get(results / f"{name}.csv", {})

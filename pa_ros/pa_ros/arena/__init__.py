@@ -2,7 +2,7 @@
 
 from pa_ros.arena.arms import ARMS, ArmModel, Joint
 from pa_ros.arena.conditions import Condition, condition_named, conditions_for, training_programs
-from pa_ros.arena.config import PRESETS, ArenaChoice, ArenaConfig, preset_named
+from pa_ros.arena.config import PRESETS, ArenaChoice, ArenaConfig, preset_for, preset_named
 from pa_ros.arena.designs import DESIGNS, Design, Kind, design_named
 from pa_ros.arena.episodes import Block, Episode, generate
 from pa_ros.arena.errors import ArenaError, PhysicsError, RenderError
@@ -14,7 +14,7 @@ __all__ = [
     "ARMS", "DESIGNS", "ENV_ID", "PRESETS", "ArenaChoice", "ArenaConfig", "ArenaError", "ArmModel",
     "Block", "Condition", "Design", "PhysicsError", "Episode", "Joint", "Kind", "ReachEnv",
     "ReachTask", "RenderError", "condition_named", "conditions_for", "design_named", "generate",
-    "mean_reward", "preset_named", "random_policy", "scoring_of", "scripted_action",
+    "mean_reward", "preset_for", "preset_named", "random_policy", "scoring_of", "scripted_action",
     "training_programs", "world_of",
 ]  # fmt: skip
 

@@ -122,15 +122,43 @@ _VALUES: dict[str, tuple[str, dict[str, Any]]] = {  # the arm's speeds, and what
 
 def preset_named(name: str, arm: str = "jaco") -> ArenaConfig:
     """Look up a preset for an arm; ConfigError lists the known presets."""
-    speeds = ARMS[arm].speeds
-    known = [preset for preset, (of_arm, _) in _VALUES.items() if of_arm in speeds]
+    known = _presets(arm)
     if name not in known:
         raise ConfigError(f"arena: expected a preset of {sorted(known)} of {arm}, got {name!r}")
-    of_arm, values = _VALUES[name]
-    return ArenaConfig(preset=name, arm=arm, joint_speed_limits=speeds[of_arm], **values)
+    return known[name]
 
 
-PRESETS = {name: preset_named(name) for name in _VALUES}
+def preset_for(design: Design, name: str = "", arm: str = "jaco") -> ArenaConfig:
+    """A preset in which the design's programs can be executed; by default the design's own.
+
+    Raises ConfigError for an unknown one, or for one that does not fit.
+    """
+    config = preset_named(name or design.preset, arm)
+    check_fits(config, design)
+    return config
+
+
+def check_fits(config: ArenaConfig, design: Design) -> None:
+    """Raise ConfigError, with the presets that fit, unless the arm can execute the programs."""
+    if design.vocabulary.moves_objects and not config.arm_touches_blocks:
+        fitting = [name for name, one in _presets(config.arm).items() if one.arm_touches_blocks]
+        raise ConfigError(
+            f"preset: expected one of {fitting} for {design.name}, whose blocks the arm must "
+            f"touch, got {config.preset!r}"
+        )
+
+
+def _presets(arm: str) -> dict[str, ArenaConfig]:
+    """The presets of an arm: those for whose name it has speeds."""
+    speeds = ARMS[arm].speeds
+    return {
+        name: ArenaConfig(preset=name, arm=arm, joint_speed_limits=speeds[of_arm], **values)
+        for name, (of_arm, values) in _VALUES.items()
+        if of_arm in speeds
+    }
+
+
+PRESETS = _presets("jaco")
 """The presets of the Jaco."""
 
 
@@ -146,10 +174,10 @@ class ArenaChoice(Settings):
     arm: Annotated[str, OneOf(lambda: ARMS)] = Field(
         "jaco", description="the arm in the middle of the table"
     )
-    preset: Annotated[str, OneOf(lambda: PRESETS)] = Field(
-        "fast",
-        description="the arm's speed, whether it touches blocks, and what actions are; for "
-        "designs that move blocks, fast means push",
+    preset: Annotated[str, OneOf(lambda: PRESETS, or_empty=True)] = Field(
+        "",
+        description="the arm's speed, whether it touches blocks, and what actions are; empty: the "
+        "design's own",
     )
     reward: str = Field("sparse", description="a name, or JSON of name and parameters")
 
@@ -159,6 +187,5 @@ class ArenaChoice(Settings):
         return design.with_relations(*self.relations) if self.relations else design
 
     def arena_config(self) -> ArenaConfig:
-        """The preset of the arm; ConfigError if the arm has no such preset."""
-        own = design_named(self.design).preset if self.preset == "fast" else self.preset
-        return preset_named(own, self.arm)
+        """The arena's preset; ConfigError if the arm does not have it, or it does not fit."""
+        return preset_for(self.design_of(), self.preset, self.arm)

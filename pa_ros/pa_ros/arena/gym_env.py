@@ -11,7 +11,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from pa_ros.arena.conditions import condition_named
-from pa_ros.arena.config import ArenaConfig, preset_named
+from pa_ros.arena.config import ArenaConfig, preset_for
 from pa_ros.arena.designs import Design, design_named
 from pa_ros.arena.observations import PROGRAM_ROWS, FlatObservation, StructuredObservation
 from pa_ros.arena.render import top_view
@@ -42,7 +42,7 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
 
     def __init__(
         self,
-        preset: str | ArenaConfig | None = None,
+        preset: str | ArenaConfig = "",
         design: str | Design = "2-L",
         condition: str = "train",
         render_mode: str | None = None,
@@ -60,8 +60,9 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         self.design = design if isinstance(design, Design) else design_named(design)
         if relations:
             self.design = self.design.with_relations(*relations)
-        preset = preset or self.design.preset
-        self.config = preset_named(preset, arm or "jaco") if isinstance(preset, str) else preset
+        if not isinstance(preset, ArenaConfig):
+            preset = preset_for(self.design, preset, arm or "jaco")
+        self.config = preset
         if arm not in (None, self.config.arm):
             raise ConfigError(
                 f"gym: arm: expected none beside an ArenaConfig of {self.config.arm}, got {arm!r}"

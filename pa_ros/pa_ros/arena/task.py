@@ -10,13 +10,12 @@ import numpy as np
 
 from pa_ros.arena.appearance import look_of
 from pa_ros.arena.conditions import condition_named, training_programs
-from pa_ros.arena.config import ArenaConfig
+from pa_ros.arena.config import ArenaConfig, check_fits
 from pa_ros.arena.controllers import hand_controller
 from pa_ros.arena.designs import Design, Kind
 from pa_ros.arena.episodes import Episode, generate
 from pa_ros.arena.errors import ArenaError
 from pa_ros.arena.simulation import HAND_INDEX, Simulation
-from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64, Observation, Verdict
 from pa_ros.language import Goal, Program, require_possible, roles
 from pa_ros.world import Reward, Score, Scoring
@@ -161,16 +160,13 @@ class ReachTask:
         With `measures_programs` verdicts say the measure of every training program, for learners
         whose observations do not tell which words are true.
 
-        Raises ConfigError for a value of the design that has no look.
+        Raises ConfigError for a value of the design that has no look, or an arena that the design
+        does not fit.
         """
         # A value without a look must not surface at the first episode that happens to draw it.
         for kind in (*design.extended_pool, *design.places):
             look_of(kind)
-        if design.vocabulary.moves_objects and not config.arm_touches_blocks:
-            raise ConfigError(
-                f"design {design.name}: expected a preset whose arm touches blocks, such as "
-                f"{design.preset}, got {config.preset}"
-            )
+        check_fits(config, design)
         self.config = config
         self.scoring = scoring_of(config, design, reward)
         self.design = design

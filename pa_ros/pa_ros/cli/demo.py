@@ -18,7 +18,7 @@ import numpy as np
 
 from pa_ros.acting.execution import HOLD_S, WINDOW_S
 from pa_ros.agents import load_agent
-from pa_ros.arena import Design, ReachTask, design_named, preset_named, training_programs
+from pa_ros.arena import Design, ReachTask, design_named, preset_for, training_programs
 from pa_ros.cli.options import add_setting, folder_to_write
 from pa_ros.console.settings import TOKEN, control_address, free_port
 from pa_ros.core.errors import ConfigError, PaError
@@ -40,7 +40,7 @@ from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import Display, GraphFigures, watch_diagnostics
 from pa_ros.wire.step import decode_step
 
-SHIPPED, LEARNED, PRESET = "3-D", "2-L", "fast"  # designs, and the arm
+SHIPPED, LEARNED = "3-D", "2-L"  # designs
 PUSHES = "push"  # the shipped agent that moves blocks
 PUSHED = ("trained", "held out", "to a block", "color alone")  # the programs that it executes
 SCENE_SEED = 1_000_000  # added to the seed: no scene of the executions was trained in
@@ -134,9 +134,8 @@ def execute(
     """
     programs = [one for one in demo_programs(design) if not kinds or one.kind in kinds]
     fewer = FEWER_PUSHED if design.vocabulary.moves_objects else FEWER
-    config = preset_named(design.preset)
-    arena = {"design": design.name, "preset": design.preset,
-             "condition": FULL, "eval_condition": fewer}  # fmt: skip
+    config = preset_for(design)
+    arena = {"design": design.name, "condition": FULL, "eval_condition": fewer}
     executed: list[str] = []
     with Arm.simulated(
         checkpoint, seed=seed, speed=speed, record=folder / "programs",
@@ -162,18 +161,18 @@ def _learn(folder: Path, seed: int, minutes: float) -> bool:
 
     Leaves the checkpoint and a picture of the detectors.
     """
-    design, arena = design_named(LEARNED), preset_named(PRESET)
+    design = design_named(LEARNED)
     held_out = ", ".join(kind.conjunction for kind in design.held_out)
     print(f"\nAn agent learns design {LEARNED} from random weights, faster than real time.")
     print(f"It is trained on {_targets(design)};\nnever on {held_out} (zero-shot).")
-    task = ReachTask(arena, design, seed)
+    task = ReachTask(preset_for(design), design, seed)
     random, script = (
         float(np.mean(rewards(reference_scores(task, name, FULL, REFERENCE_EPISODES))))
         for name in ("random", "scripted")
     )
     print(f"Score 0 is random motion ({random:+.2f} per step), 1 is a script ({script:+.2f}).\n")
     changes: dict[str, dict[str, Any]] = {
-        "sim_node": {"design": LEARNED, "preset": PRESET, "seed": seed},
+        "sim_node": {"design": LEARNED, "seed": seed},
         "agent_node": {"seed": seed},
         "learner_node": {"seed": seed, "out": str(folder.resolve())},
     }
@@ -205,7 +204,7 @@ def _learn(folder: Path, seed: int, minutes: float) -> bool:
     verdict = "reached" if reached else "NOT reached"
     print(f"\nZero-shot score {target.score(tally)[0]:.2f}: target {verdict} after {took}.")
     program = demo_programs(design)[1]
-    scene = find_scene(arena, design, seed + SCENE_SEED, program)
+    scene = find_scene(task.config, design, seed + SCENE_SEED, program)
     seen, _ = task.reset_to(scene.episode)
     explanation = load_agent(folder).explain(seen, program.text)
     draw_detectors(folder / "detectors.png", task, explanation, program.text)

@@ -21,7 +21,7 @@ from pa_ros.learning.checkpoints import save_checkpoint
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.folder import checkpoint_of, claim
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.protocols import LearningSettings
+from pa_ros.learning.recipes import LearningSettings
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.wire import WireError
 from pa_ros.wire.learning import weights_checksum
@@ -78,7 +78,7 @@ def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dic
     try:
         origin = bag.learner
     except ProvenanceError as error:
-        log.warning("%s; learning with --design, --protocol and --seed", error)
+        log.warning("%s; learning with --design, --recipe and --seed", error)
         return _learner_asked(options)
     assert origin.learner is not None
     network = NetworkConfig.from_json(origin.learner.network)
@@ -89,7 +89,8 @@ def _learner(options: argparse.Namespace, bag: Experience) -> tuple[Learner, dic
         "relations": network.world.relations,
         "arm": origin.arm,
         "preset": origin.preset,
-        "protocol": str(origin.parameters.get("protocol", "")),
+        # Older bags call it protocol.
+        "recipe": str(origin.parameters.get("recipe", origin.parameters.get("protocol", ""))),
         "algorithm": algorithm,
         "network.family": network.family,
         "reward": bag.scoring.reward.to_json(),

@@ -12,7 +12,7 @@ from pa_ros.core.settings import Leaf, Settings
 
 if TYPE_CHECKING:
     from pa_ros.language import Vocabulary
-    from pa_ros.learning.protocols import LearningSettings
+    from pa_ros.learning.recipes import LearningSettings
 
 Kind = TypeVar("Kind", bound=Settings)
 LEARNING = ("learner.", "network.")  # the options of `add_learning` begin with these
@@ -27,15 +27,19 @@ def add_extension(parser: argparse.ArgumentParser) -> None:
 
 
 def add_learning(parser: argparse.ArgumentParser, *, with_network: bool = True) -> None:
-    """Declare --protocol, --algorithm, --network and every setting of learning by dotted name.
+    """Declare --recipe, --algorithm, --network and every setting of learning by dotted name.
 
     Settings of all algorithms are declared, since the algorithm is known only after parsing.
     """
     from pa_ros.learning.algorithms import ALGORITHMS
-    from pa_ros.learning.protocols import LearningSettings
+    from pa_ros.learning.recipes import LearningSettings
 
     otherwise = "ours; push or deep for designs that need it"
-    add_setting(parser, LearningSettings, "protocol", otherwise=otherwise)
+    add_setting(parser, LearningSettings, "recipe", otherwise=otherwise)
+    parser.add_argument(  # its older name
+        "--protocol", dest="recipe", default=argparse.SUPPRESS, help=argparse.SUPPRESS,
+        type=replace(LearningSettings.leaf("recipe"), path="--protocol").read,
+    )  # fmt: skip
     add_settings(parser, LearningSettings, "algorithm")
     if with_network:
         leaf = LearningSettings.leaf("network.family")
@@ -44,7 +48,7 @@ def add_learning(parser: argparse.ArgumentParser, *, with_network: bool = True) 
             help=f"{leaf.description}; one of {', '.join(leaf.choices)} ({leaf.default})",
         )  # fmt: skip
     group = parser.add_argument_group(
-        "settings of learning", "each has the protocol's value unless it is given; docs/learning.md"
+        "settings of learning", "each has the recipe's value unless it is given; docs/learning.md"
     )
     parser.usage = "%(prog)s [option …]"  # else it would list them all
     kinds = [LearningSettings(algorithm=algorithm) for algorithm in ALGORITHMS]
@@ -75,12 +79,12 @@ def learning_from(
 ) -> LearningSettings:
     """How to learn, by the options of `add_learning`; `values` are others by dotted name.
 
-    The usual protocol depends on what programs of the vocabulary do.
+    The usual recipe depends on what programs of the vocabulary do.
     """
-    from pa_ros.learning.protocols import LearningSettings, usual_protocol
+    from pa_ros.learning.recipes import LearningSettings, usual_recipe
 
-    protocol = options.protocol or usual_protocol(vocabulary)
-    names = {"protocol": protocol, "algorithm": options.algorithm}
+    recipe = options.recipe or usual_recipe(vocabulary)
+    names = {"recipe": recipe, "algorithm": options.algorithm}
     given = learning_given(options, LearningSettings(**names))
     return LearningSettings(**names, **values, **given)
 

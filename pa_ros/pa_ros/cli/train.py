@@ -31,8 +31,7 @@ EXIT_UNRECORDED = 1  # the disk was full; the run itself is whole
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `pa_ros train`."""
-    add_settings(parser, ArenaChoice, "design", "relations", "arm", "reward")
-    add_setting(parser, ArenaChoice, "preset", otherwise="fast; push for designs that push")
+    add_settings(parser, ArenaChoice, "design", "relations", "arm", "preset", "reward")
     parser.add_argument(
         "--perception",
         choices=(TOLD, *VIEWS),

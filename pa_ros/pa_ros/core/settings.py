@@ -52,6 +52,7 @@ class OneOf:
     """
 
     names: Callable[[], Iterable[str]]
+    or_empty: bool = False  # whether an empty text is accepted, too
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -59,7 +60,7 @@ class OneOf:
         return core_schema.no_info_after_validator_function(self._check, handler(source))
 
     def _check(self, name: str) -> str:
-        if name not in self.names():
+        if name not in self.names() and (name or not self.or_empty):
             raise ValueError  # the message is made from the leaf's `expected`
         return name
 

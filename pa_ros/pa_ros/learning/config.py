@@ -1,7 +1,7 @@
 """Settings that every learning algorithm has, in parts; its own are added by a subclass.
 
 The paper gives batch size, discount, replay capacity and one update per action; it says nothing of
-the rest, which is a choice of ours (docs/DESIGN.md, "What our protocol changes, and why").
+the rest, which is a choice of ours (docs/DESIGN.md, "What our recipe changes, and why").
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from math import floor
 from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
@@ -39,8 +40,7 @@ class NetworkSettings(Settings):
 
     The paper does not give the initial weights of the programmable networks: all layers are uniform
     in ±1/√fan-in (torch's default for Linear) but for what the settings of initial weights say.
-    `critic_output_bias` −1/(1−γ) = −100 starts at the value of never being rewarded. With
-    `detector_init_scale` 0, the usual start of a logistic regression, every object has all
+    With `detector_init_scale` 0, the usual start of a logistic regression, every object has all
     properties of a group equally, wherever it is.
     """
 
@@ -61,7 +61,11 @@ class NetworkSettings(Settings):
     actor_output_scale: float = Field(
         3e-3, gt=0, description="initial weights: the actor's last layer is uniform in ± this"
     )
-    critic_output_bias: float = Field(0.0, description="initial bias of the critic's output")
+    critic_starts_unrewarded: bool = Field(
+        False,
+        description="initial weights: whether the critic's output starts at the value of never "
+        "being rewarded, −1/(1−γ), instead of 0",
+    )
     detector_init_scale: float = Field(
         1.0, ge=0, description="factor of the detectors' initial weights"
     )
@@ -78,6 +82,17 @@ class NetworkSettings(Settings):
     def for_world(self, world: World) -> NetworkConfig:
         """The same networks for one world, which fixes their inputs and outputs."""
         return NetworkConfig(world=world, **self.fields())
+
+    def critic_start(self, discount: float) -> float:
+        """The initial bias of the critic's output, where γ is `discount`.
+
+        −1/(1−γ) is rounded toward zero to a whole number: −33 at γ = 0.97. All published agents
+        were trained so, and the same seed must give the same weights to the bit.
+        """
+        if not self.critic_starts_unrewarded:
+            return 0.0
+        steps = 1.0 / (1.0 - discount)
+        return -float(floor(steps + 1e-6))  # 1 / (1 − 0.99) is 99.999…
 
 
 class NetworkConfig(NetworkSettings):
@@ -134,6 +149,8 @@ class NetworkConfig(NetworkSettings):
         """The inverse of `to_json`; ConfigError for any other text."""
         try:
             values = dict(read_json(text))
+            if "critic_output_bias" in values:  # older descriptions have its value
+                values["critic_starts_unrewarded"] = values.pop("critic_output_bias") != 0
             return cls(world=World.from_data(values.pop("world")), **values)
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise ConfigError(f"network description: {error}: got {text[:200]!r}") from error

@@ -55,7 +55,8 @@ class Family(ABC):
 
         The actor is called with objects [B, N, F], arm [B, A], `programs` and the hand's index, and
         returns actions [B, K, J]. The critic has `trunk`, which takes the same and returns
-        [B, K, H], and `head`, which takes that and an action and returns Q [B, K].
+        [B, K, H], and `head`, which takes that and an action and returns Q [B, K] by a layer
+        `output`, whose initial bias `initial_critic` sets.
         """
 
     @abstractmethod
@@ -163,8 +164,6 @@ class Programmable(DetectorFamily):
             for weight in (tensors[name] for name in BLIND if name in tensors):
                 columns = weight.reshape(len(weight), -1, world.columns)
                 columns[..., world.schema.properties] = 0.0
-        if critic:
-            tensors["output.bias"][:] = config.critic_output_bias
         return tensors
 
     def detects(self, critic: bool) -> bool:
@@ -196,10 +195,7 @@ class Canonical(Family):
         return shapes | linear("output", 1 if critic else actions, hidden)
 
     def initial(self, config: NetworkConfig, critic: bool, rng: np.random.Generator) -> Tensors:
-        tensors = uniform(self.shapes(config, critic), rng, LILLICRAP_OUTPUT_SCALE)
-        if critic:
-            tensors["output.bias"][:] = config.critic_output_bias
-        return tensors
+        return uniform(self.shapes(config, critic), rng, LILLICRAP_OUTPUT_SCALE)
 
     def codes(self, table: ProgramTable) -> Codes:
         programs = table.programs

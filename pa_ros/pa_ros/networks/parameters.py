@@ -35,9 +35,14 @@ def initial_actor(config: NetworkConfig, rng: np.random.Generator) -> Tensors:
     return family_of(config).initial(config, False, rng)
 
 
-def initial_critic(config: NetworkConfig, rng: np.random.Generator) -> Tensors:
-    """Random initial weights of the critic; the same `rng` state gives the same weights."""
-    return family_of(config).initial(config, True, rng)
+def initial_critic(config: NetworkConfig, rng: np.random.Generator, start: float = 0.0) -> Tensors:
+    """Random initial weights of the critic; the same `rng` state gives the same weights.
+
+    Values start near `start`, the bias of the output (`NetworkSettings.critic_start`).
+    """
+    tensors = family_of(config).initial(config, True, rng)
+    tensors["output.bias"][:] = start
+    return tensors
 
 
 def check_tensors(tensors: Tensors, shapes: Shapes, whose: str) -> None:

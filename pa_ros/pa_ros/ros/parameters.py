@@ -28,7 +28,7 @@ class NodeParameters(Generic[Kind]):
     """The parameters of a node: open until they are fixed as settings, then read-only.
 
     While they are open, a parameter that nobody gave has no value, because its default may depend
-    on others (a protocol is a named set of defaults). Once fixed, all have their effective value.
+    on others (a recipe is a named set of defaults). Once fixed, all have their effective value.
     """
 
     def __init__(self, node: Node, kind: type[Kind]) -> None:

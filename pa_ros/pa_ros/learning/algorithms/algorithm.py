@@ -1,4 +1,4 @@
-"""An algorithm: its settings, a function that makes its engine, and its values in protocols."""
+"""An algorithm: its settings, a function that makes its engine, and its values in recipes."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ MakeEngine = Callable[[NetworkConfig, Any, ProgramTable, np.random.Generator], E
 class Algorithm:
     """One way to learn; `config.ALGORITHM` is its name.
 
-    `values` are settings that this algorithm changes under a protocol, by the protocol's name and
-    then by dotted path (`pa_ros.learning.protocols`).
+    `values` are settings that this algorithm changes under a recipe, by the recipe's name and
+    then by dotted path (`pa_ros.learning.recipes`).
     """
 
     config: type[LearnerConfig]

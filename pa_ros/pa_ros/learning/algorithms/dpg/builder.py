@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Engine
 from pa_ros.learning.algorithms.algorithm import Algorithm
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
+from pa_ros.learning.config import LearnerConfig
 from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import Tensors, initial_actor, initial_critic
@@ -28,7 +30,7 @@ def make_engine(
 
     Raises ConfigError if `config.engine.name` is "fused" and it does not apply, with the reason.
     """
-    actor, critic = initial_networks(network, rng).values()
+    actor, critic = initial_networks(network, config, rng).values()
     reason = "chosen" if config.engine.name == "torch" else why_not_fused(network, config)
     if config.engine.name == "fused" and reason:
         raise ConfigError(f"learner engine: expected one that applies, got 'fused': {reason}")
@@ -45,9 +47,16 @@ def make_engine(
     return made
 
 
-def initial_networks(network: NetworkConfig, rng: np.random.Generator) -> dict[str, Tensors]:
-    """Random initial weights of actor and critic; the same `rng` state, the same weights."""
-    return {"actor": initial_actor(network, rng), "critic": initial_critic(network, rng)}
+def initial_networks(
+    network: NetworkConfig,
+    config: LearnerConfig,
+    rng: np.random.Generator,
+    critics: Sequence[str] = ("critic",),
+) -> dict[str, Tensors]:
+    """Random initial weights of actor and critics; the same `rng` state, the same weights."""
+    start = network.critic_start(config.updates.discount)
+    actor = {"actor": initial_actor(network, rng)}
+    return actor | {name: initial_critic(network, rng, start) for name in critics}
 
 
 def why_not_fused(network: NetworkConfig, config: DPGConfig) -> str:

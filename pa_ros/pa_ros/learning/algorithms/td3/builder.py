@@ -9,9 +9,9 @@ import numpy as np
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Engine
 from pa_ros.learning.algorithms.algorithm import Algorithm
+from pa_ros.learning.algorithms.dpg.builder import initial_networks
 from pa_ros.learning.algorithms.td3.config import CRITICS, TD3Config
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.networks.parameters import initial_actor, initial_critic
 from pa_ros.world.programs import ProgramTable
 
 log = logging.getLogger(__name__)
@@ -30,8 +30,7 @@ def make_engine(
         )
     from pa_ros.learning.algorithms.td3.learner import TorchTD3
 
-    initial = {"actor": initial_actor(network, rng)}
-    initial |= {name: initial_critic(network, rng) for name in CRITICS}
+    initial = initial_networks(network, config, rng, CRITICS)
     engine = TorchTD3(network, config, table, initial)
     log.info("learner engine: %s", engine.name)
     return engine

@@ -1,4 +1,4 @@
-"""How to learn: all settings of learner and network, with named sets of defaults (protocols)."""
+"""How to learn: all settings of learner and network, with named sets of defaults (recipes)."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ Values = Mapping[str, Any]  # by dotted path, "learner.PART.NAME" or "network.NA
 _PAPER: Values = {
     "learner.schedule.trajectory_steps": 1,
     "learner.schedule.policy_lag": 0,
-    "network.critic_output_bias": -100.0,
+    "network.critic_starts_unrewarded": True,
     "network.detector_init_scale": 0.0,
 }
 
-# One recipe for every arm (docs/DESIGN.md, "What our protocol changes, and why"). Nothing in it
+# One recipe for every arm (docs/DESIGN.md, "What our recipe changes, and why"). Nothing in it
 # depends on the arm or on how far learning is.
 _OURS: Values = {
     "learner.relabeling.rule": "all-goals",
@@ -39,7 +39,7 @@ _OURS: Values = {
     "learner.detectors.gain": 3.0,
     "learner.detectors.sparsity": 0.3,
     "learner.exploration.sigma": 1.0,
-    "network.critic_output_bias": -20.0,
+    "network.critic_starts_unrewarded": True,
     "network.detector_init_scale": 0.0,
     "network.detectors_have_biases": False,
     "network.position_scale": 20.0,
@@ -60,7 +60,6 @@ _PUSH: Values = {
     "learner.exploration.held": 0.3,
     "learner.detectors.sparsity": 0.1,
     "learner.relabeling.property_dropout": 0.0,
-    "network.critic_output_bias": -33.0,
     "network.upper_layers": 1,
     "network.hidden": 128,
     "network.attention": 32,
@@ -79,19 +78,19 @@ _DEEP: Values = {
     "network.attention": 32,
 }
 
-PROTOCOLS: Mapping[str, Values] = {"paper": _PAPER, OURS: _OURS, PUSH: _PUSH, DEEP: _DEEP}
+RECIPES: Mapping[str, Values] = {"paper": _PAPER, OURS: _OURS, PUSH: _PUSH, DEEP: _DEEP}
 
 
-def usual_protocol(vocabulary: Vocabulary) -> str:
+def usual_recipe(vocabulary: Vocabulary) -> str:
     """The default of a world, by what its programs do."""
     if vocabulary.moves_objects:
         return PUSH
     return DEEP if vocabulary.avoids or len(vocabulary.relations) > 1 else OURS
 
 
-def _defaults(protocol: str, algorithm: str) -> dict[str, Settings]:
-    """The parts `learner` and `network` as a protocol and an algorithm have them."""
-    values = nested({**PROTOCOLS[protocol], **ALGORITHMS[algorithm].values.get(protocol, {})})
+def _defaults(recipe: str, algorithm: str) -> dict[str, Settings]:
+    """The parts `learner` and `network` as a recipe and an algorithm have them."""
+    values = nested({**RECIPES[recipe], **ALGORITHMS[algorithm].values.get(recipe, {})})
     parts = {"learner": ALGORITHMS[algorithm].config(), "network": NetworkSettings()}
     return {name: part.changed(**values.get(name, {})) for name, part in parts.items()}
 
@@ -102,13 +101,13 @@ _USUAL: dict[str, Any] = _defaults(OURS, DPG)
 class LearningSettings(Settings):
     """How to learn, and with which networks.
 
-    A protocol is a named set of defaults: `LearningSettings(protocol="paper", **{"learner.updates.
-    discount": 0.9})` is the paper's protocol but for one setting. The algorithm decides which
+    A recipe is a named set of defaults: `LearningSettings(recipe="paper", **{"learner.updates.
+    discount": 0.9})` is the paper's recipe but for one setting. The algorithm decides which
     settings `learner` has. In `changed`, every setting that is not named keeps its value, also
-    where the protocol's name changes.
+    where the recipe's name changes.
     """
 
-    protocol: Annotated[str, OneOf(lambda: PROTOCOLS)] = Field(
+    recipe: Annotated[str, OneOf(lambda: RECIPES)] = Field(
         OURS,
         description="named set of defaults for `learner` and `network`: the paper's, ours, or ours "
         "for programs that move objects (push), or avoid some or have several relations (deep)",
@@ -121,15 +120,15 @@ class LearningSettings(Settings):
 
     @model_validator(mode="before")
     @classmethod
-    def _follow_the_protocol(cls, values: Any) -> Any:
-        """Give every setting of the two parts that is absent the protocol's value."""
+    def _follow_the_recipe(cls, values: Any) -> Any:
+        """Give every setting of the two parts that is absent the recipe's value."""
         if not isinstance(values, Mapping):
             return values
         values = nested(values)
-        protocol, algorithm = values.get("protocol", OURS), values.get("algorithm", DPG)
-        names = isinstance(protocol, str) and isinstance(algorithm, str)
-        if names and protocol in PROTOCOLS and algorithm in ALGORITHMS:  # else rejected by name
-            for name, part in _defaults(protocol, algorithm).items():
+        recipe, algorithm = values.get("recipe", OURS), values.get("algorithm", DPG)
+        names = isinstance(recipe, str) and isinstance(algorithm, str)
+        if names and recipe in RECIPES and algorithm in ALGORITHMS:  # else rejected by name
+            for name, part in _defaults(recipe, algorithm).items():
                 given = values.get(name, {})
                 if isinstance(given, Mapping):
                     values[name] = part.changed(**given)
