@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from pa_ros import provenance
 from pa_ros.arena import (
     ArenaError,
     Episode,
@@ -24,6 +23,7 @@ from pa_ros.core.experience import CommandKey, Executed, Float64, Observation, S
 from pa_ros.language import Goal, parse_goal
 from pa_ros.language.errors import ProgramError
 from pa_ros.perception import TOLD, VIEWS, calibrated, task_seen
+from pa_ros.provenance import describe, origin
 from pa_ros.wire import WireError
 from pa_ros.wire.arena import ArenaDescription, Mode
 from pa_ros.wire.diagnostics import Origin
@@ -242,9 +242,7 @@ class Session:
         design, config = self.task.design, self.config
         mode = Mode.LOCKSTEP if config.mode == "lockstep" else Mode.REAL_TIME
         programs, reward = training_programs(design), self.task.scoring.reward
-        about = provenance.describe(
-            self.arena, design, config.seed, programs, self.arena_id, mode, reward
-        )
+        about = describe(self.arena, design, config.seed, programs, self.arena_id, mode, reward)
         # A condition may have more blocks than the design, or fewer.
         blocks = len(self.scene(False, config.first_episode).blocks)
         world, perception = self.task.world, self.perception
@@ -252,7 +250,7 @@ class Session:
 
     def origin(self, node: str) -> Origin:
         """Software, settings and world of this arena, for recordings; `node` is its full name."""
-        return provenance.origin(
+        return origin(
             node,
             self.arena_id,
             self.config.seed,

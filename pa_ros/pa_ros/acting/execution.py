@@ -41,6 +41,18 @@ class Execution:
         return f"not satisfied: {ENDED[self.ended][1]}, after {when}{where}"
 
 
+@dataclass(frozen=True)
+class Result:
+    """The outcome of one program."""
+
+    program: str  # canonical text
+    success: bool  # satisfied at the end, for long enough
+    distance: float  # of the relation at the end; for NEAR in m, to the nearest named object
+    reached_s: float | None  # simulation time until it was satisfied for good; None: never
+    reason: str = ""  # why it was not reached
+    code: str = ""  # of the reason, such as goal.time_limit
+
+
 def window_s(goal: str) -> float:
     """Simulation time that a goal is given, s."""
     return WINDOW_S * max(len(programs_in(goal)), 1)

@@ -15,7 +15,6 @@ from rosbags.rosbag2.reader import DirectoryReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from pa_ros import __version__
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.format import (
     METADATA,
@@ -27,6 +26,7 @@ from pa_ros.bags.format import (
     repair_command,
 )
 from pa_ros.bags.repair import storage_files
+from pa_ros.core import __version__
 from pa_ros.wire import Message
 from pa_ros.wire.definitions import hash_of, installed_types
 
