@@ -60,7 +60,7 @@ class ProgramGoals:
         self._program_out = topics.PROGRAM.publisher(node)
         self._timer: Any = None
         node.subscribe(topics.PROGRAM_STATUS, self._on_status)
-        GoalServer(node, EXECUTE_PROGRAM, self._start, self._cancel)
+        GoalServer(node, node.refusals, EXECUTE_PROGRAM, self._start, self._cancel)
 
     def abandon(self) -> None:
         """Abort the goal and hold the arm: the agent was deactivated."""

@@ -74,7 +74,7 @@ class Small(ManagedNode):
         self._out = topics.OBJECT_FEATURES.publisher(self)
         topics.JOINT_COMMANDS.subscribe(self, lambda _: self._count())
         self.create_service(SetBool, "pause", lambda _, answer: answer)
-        GoalServer(self, EXECUTE_PROGRAM, lambda _: None, lambda _: None)
+        GoalServer(self, self.refusals, EXECUTE_PROGRAM, lambda _: None, lambda _: None)
         steady_timer(self, 0.001, self._tick)
         if self.config.number == 9:
             raise MissingError("checkpoint: expected one, found none")
