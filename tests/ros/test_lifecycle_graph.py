@@ -13,19 +13,19 @@ from std_srvs.srv import SetBool
 
 from helpers.graph import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, User, graph
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.core.extensions import NodeSettings
 from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM, GoalServer
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import OK, WARN
 from pa_ros.ros.lifecycle import ManagedNode
+from pa_ros.ros.settings import NodeSettings
 
 pytestmark = pytest.mark.graph
 
 BURST = 20
 SPEAKER = f"""
 import sys
-from pa_ros.core.extensions import NodeSettings
+from pa_ros.ros.settings import NodeSettings
 from pa_ros.ros import topics
 from pa_ros.ros.lifecycle import ManagedNode
 from pa_ros.ros.node_main import run_node

@@ -17,7 +17,7 @@ from rosbags.typesys.store import Typestore
 
 from pa_ros.bags.errors import BagError
 from pa_ros.core.files import take_lock, write_whole
-from pa_ros.core.text import read_yaml
+from pa_ros.core.yaml_text import read_yaml
 
 BAG_VERSION: Final = 9  # of rosbag2's metadata, as ROS 2 Jazzy writes it
 DISTRIBUTION: Final = "jazzy"
