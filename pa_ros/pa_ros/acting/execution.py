@@ -99,7 +99,7 @@ class ExecutionWatch:
         self._episode, self._last_ns = seen.episode, seen.stamp_ns
         self.distance = verdict.distance if verdict else inf
         self.satisfied = verdict is not None and verdict.satisfied
-        self.stage = verdict.stage if verdict else 0
+        self.stage = step.stage
         if verdict is not None and verdict.violated:
             return self._finish("violated")
         if not self.satisfied:

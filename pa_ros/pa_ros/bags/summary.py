@@ -36,7 +36,7 @@ class Group:
         self.missing += episode.missing
         if len(episode.rewards):
             self.rewards.append(float(episode.rewards.mean()))
-        self.programs.update({row.program for row in episode.rows})
+        self.programs.update({row.step.program for row in episode.rows})
         self.versions.update(row.policy_version for row in episode.rows)
         self.versions.discard(-1)
 

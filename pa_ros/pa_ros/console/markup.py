@@ -51,7 +51,7 @@ def share(value: float) -> str:
 
 def words_by_objects(moment: Moment, names: Sequence[str]) -> str:
     """Return Φ and p: a row for each word, a column for each block."""
-    found, shown = moment.explanation, moment.blocks
+    found, shown = moment.explanation, moment.block_rows
     if found is None:
         return quiet(f"Φ and p: {moment.unexplained}")
     rows = []
@@ -71,7 +71,7 @@ def tree(moment: Moment, names: Sequence[str]) -> str:
     if found is None or not found.tree:
         return quiet(f"Why: {moment.unexplained or 'no program is in force'}")
     rows = [
-        [name(node.text, node.depth), *(share(float(node.degrees[i])) for i in moment.blocks)]
+        [name(node.text, node.depth), *(share(float(node.degrees[i])) for i in moment.block_rows)]
         for node in found.tree
     ]
     return table(["", *map(text_of, names)], rows, "Why") + quiet(
@@ -80,29 +80,30 @@ def tree(moment: Moment, names: Sequence[str]) -> str:
 
 
 def _most_relevant(found: Explanation, moment: Moment, names: Sequence[str]) -> str:
-    degrees = [float(found.p[i]) for i in moment.blocks]
+    degrees = [float(found.p[i]) for i in moment.block_rows]
     chosen = max(range(len(degrees)), key=degrees.__getitem__)
     return f"most relevant: {names[chosen]}, p {degrees[chosen]:.2f}"
 
 
 def state(moment: Moment, speed: str = "") -> str:
     """Return what is being executed, and with what success."""
-    seen = moment.observation
-    kind = "evaluation episode" if moment.evaluation else "episode"
-    verdict = moment.verdict
-    program = moment.program
-    if program:
-        stage = moment.stage
+    seen, step = moment.observation, moment.step
+    kind = "evaluation episode" if step.evaluation else "episode"
+    verdict, program, stage = moment.verdict, step.program, step.stage
+    if program and step.verdict is not None:
         verdict += f": {measured(program, moment.distance, stage)}"
         if (limit := moment.arena.threshold(program, stage)) is not None:
             verdict += f", at most {measured(program, limit, stage)} is wanted"
-    at = at_stage(program, moment.stage)
+    at, time_s = at_stage(program, stage), max(seen.stamp_ns, 0) / 1e9
     rows = [
         ("program", program or "none in force"),
         *([("stage", at)] if at else []),
         ("verdict", verdict),
         ("reward", f"{moment.reward:+.2f}"),
-        ("time", f"{kind} {seen.episode}, step {seen.step}, {seen.stamp_ns / 1e9:.1f} s{speed}"),
+        (
+            "time",
+            f"{kind} {seen.episode}, step {seen.step}, {time_s:.1f} s{speed}",
+        ),
     ]
     return pairs(rows, "State")
 

@@ -12,8 +12,7 @@ import trimesh
 import viser
 from mjviser import ViserMujocoScene
 
-from pa_ros.bags.episodes import RecordedEpisode
-from pa_ros.bags.film import Stage
+from pa_ros.bags.film import Stage, looks
 from pa_ros.console.moment import Moment
 from pa_ros.world.relation import RELATIONS
 
@@ -63,18 +62,17 @@ class ArenaScene:
         return tuple((name, (float(p[0]), float(p[1]), float(p[2]))) for name, p in found)
 
     def show(self, moment: Moment) -> None:
-        """Draw a moment. Raises BagError if its joints are not known."""
-        of = moment.arena.arena_id, moment.row.looks
+        """Draw a moment."""
+        of = moment.arena.arena_id, looks(moment.observation)
         if of != self._of:
             self._rebuild(moment, of)
         assert self._stage is not None and self._arm is not None
-        self._stage.show(moment.row)
+        self._stage.show(moment.step)
         self._arm.update_from_mjdata(self._stage.task.simulation.data)
         self._place(moment, self._stage)
 
     def _rebuild(self, moment: Moment, of: tuple[str, bytes]) -> None:
-        episode = RecordedEpisode(moment.observation.episode, moment.evaluation, [moment.row])
-        self._stage = Stage(episode, moment.arena)
+        self._stage = Stage(moment.arena, moment.step)
         model = self._stage.task.simulation.model
         # The arm is large to send and stays the same in an arena; only the blocks are made anew.
         if self._of is None or self._of[0] != of[0]:
@@ -89,7 +87,7 @@ class ArenaScene:
         for block in self._blocks:
             for handle in (block.solid, block.outline, block.label, block.circle):
                 handle.remove()
-        self._blocks = [self._block(model, i, name) for i, name in enumerate(moment.names)]
+        self._blocks = [self._block(model, i, name) for i, name in enumerate(moment.blocks)]
         self._of = of
 
     def _block(self, model: mujoco.MjModel, index: int, name: str) -> _Block:
@@ -118,7 +116,7 @@ class ArenaScene:
         )  # fmt: skip
 
     def _place(self, moment: Moment, stage: Stage) -> None:
-        data, found, objects = stage.task.simulation.data, moment.explanation, moment.blocks
+        data, found, objects = stage.task.simulation.data, moment.explanation, moment.block_rows
         heights = label_heights([data.geom(f"block{i}").xpos for i in range(len(self._blocks))])
         with self._server.atomic():
             for i, block in enumerate(self._blocks):
@@ -132,7 +130,7 @@ class ArenaScene:
                 block.label.position = geom.xpos + np.array((0.0, 0.0, heights[i]))
                 block.label.text = block.name if p is None else f"{block.name}  p {p:.2f}"
                 named = objects[i] in stage.task.verifier.targets and stage.task.verifier.moved
-                block.circle.visible = bool(named and moment.program)
+                block.circle.visible = bool(named and moment.step.program)
                 if block.circle.visible:
                     block.circle.points = _outline(stage, data.geom(f"block{i}").xpos)
         self._server.flush()
