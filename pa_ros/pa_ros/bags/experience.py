@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Final, TypeVar
+from functools import cached_property, partial
+from typing import Final, Self, TypeVar
 
 from pa_ros.bags.errors import BagError, ProvenanceError
 from pa_ros.bags.reader import Bag
@@ -56,21 +56,30 @@ class UsedTrajectory:
 _BEGINNING: Final = RecordedWeights(0, "", "", {}, None)  # before anything was learned
 
 
+@dataclass(frozen=True, eq=False)
 class Experience:
-    """The learning recorded in one bag."""
+    """The learning recorded in one bag; `read` makes one of a bag."""
 
-    def __init__(self, bag: Bag, namespace: str | None = None) -> None:
-        """Raises BagError (code bag.foreign) if the bag contains no transitions."""
-        self._bag = bag
-        self._topic = bag.topic_of(TRAJECTORIES, namespace)
-        self.origins = _decoded(bag, PROVENANCE, namespace, decode_provenance)
-        self.arenas = arenas_of(bag, namespace)
-        self._agents_in_order = self._fixed_order()
-        self.published = self._published(namespace)  # weights by version
-        # Trajectories in recorded order, each once: an agent may send one again.
-        self.keys = list(dict.fromkeys(bag.decoded([self._topic], decode_trajectory_key)))
-        if not self.keys:
+    bag: Bag
+    topic: str  # of the transitions
+    origins: list[Origin]
+    arenas: list[ArenaDescription]
+    published: dict[int, RecordedWeights]  # by version
+    keys: list[TrajectoryKey]  # in recorded order, each once: an agent may send one again
+
+    @classmethod
+    def read(cls, bag: Bag, namespace: str | None = None) -> Self:
+        """Read all of a bag but the transitions themselves.
+
+        Raises BagError (code bag.foreign) if it contains no transitions.
+        """
+        topic = bag.topic_of(TRAJECTORIES, namespace)
+        origins = _decoded(bag, PROVENANCE, namespace, decode_provenance)
+        arenas, published = arenas_of(bag, namespace), _published(bag, namespace, origins)
+        keys = list(dict.fromkeys(bag.decoded([topic], decode_trajectory_key)))
+        if not keys:
             raise BagError(f"bag: {bag.path}: expected transitions, got none", code="bag.foreign")
+        return cls(bag, topic, origins, arenas, published, keys)
 
     @property
     def learner(self) -> Origin:
@@ -79,7 +88,7 @@ class Experience:
         runs = {origin.instance for origin in found}
         if len(runs) != 1:
             raise ProvenanceError(
-                f"bag: {self._bag.path}: expected the provenance of one learner, got {len(runs)}: "
+                f"bag: {self.bag.path}: expected the provenance of one learner, got {len(runs)}: "
                 "it is not known how this run was made"
             )
         return found[0]
@@ -99,7 +108,7 @@ class Experience:
         rules = {(one.world.relations, one.thresholds, one.reward) for one in self.arenas}
         if len(rules) != 1:
             raise ProvenanceError(
-                f"bag: {self._bag.path}: expected arenas with one set of thresholds and one "
+                f"bag: {self.bag.path}: expected arenas with one set of thresholds and one "
                 f"reward, got {sorted(rules)}: it is not known what was rewarded"
             )
         relations, thresholds, reward = rules.pop()
@@ -126,7 +135,7 @@ class Experience:
         """
         there, read = set(self.keys), dict[TrajectoryKey, Trajectory]()
         decode = partial(decode_trajectory, world=world)
-        trajectories = self._bag.decoded([self._topic], decode)
+        trajectories = self.bag.decoded([self.topic], decode)
         for key, version in self._order():
             # The recording has trajectories as they arrived; those that come before their turn wait
             # here.
@@ -172,8 +181,9 @@ class Experience:
             within = in_fixed_order(within, self._agents_in_order, before)
         return within[: version - before - len(last)] + last
 
-    def _fixed_order(self) -> tuple[str, ...]:
-        """Return the agents in the order in which the learner took them; empty: as they arrived."""
+    @cached_property
+    def _agents_in_order(self) -> tuple[str, ...]:
+        """The agents in the order in which the learner took them; empty: as they arrived."""
         for origin in self.origins:
             if origin.learner is not None and "agents" in origin.parameters:
                 config = ALGORITHMS[origin.learner.algorithm].config
@@ -181,16 +191,6 @@ class Experience:
                 exact = settings.schedule.in_step == "exact"
                 return tuple(map(str, origin.parameters["agents"])) if exact else ()
         return ()
-
-    def _published(self, namespace: str | None) -> dict[int, RecordedWeights]:
-        """Return the recorded weights by version, of the run that the provenance describes."""
-        runs = {origin.instance for origin in self.origins if origin.learner is not None}
-        found: dict[int, RecordedWeights] = {}
-        for one in _decoded(self._bag, WEIGHTS, namespace, _recorded_weights):
-            if not runs or one.run_id in runs:
-                if one.version not in found or one.latest is not None:
-                    found[one.version] = one
-        return found
 
 
 @dataclass
@@ -264,6 +264,19 @@ def recorded_world(bag: Bag, namespace: str | None = None) -> World:
         f"bag: {bag.path}: expected an arena's description or a learner's provenance, got neither: "
         "the meaning of the features is not known"
     )
+
+
+def _published(
+    bag: Bag, namespace: str | None, origins: Iterable[Origin]
+) -> dict[int, RecordedWeights]:
+    """The recorded weights by version, of the run that the provenance describes."""
+    runs = {origin.instance for origin in origins if origin.learner is not None}
+    found: dict[int, RecordedWeights] = {}
+    for one in _decoded(bag, WEIGHTS, namespace, _recorded_weights):
+        if not runs or one.run_id in runs:
+            if one.version not in found or one.latest is not None:
+                found[one.version] = one
+    return found
 
 
 def _namespace(origin: Origin) -> str:

@@ -85,7 +85,7 @@ def _counts(bag: Bag, key: str) -> dict[str, object]:
 def _learning(bag: Bag, namespace: str | None) -> list[str]:
     if not bag.topics_of(TRAJECTORIES, namespace):
         return []
-    experience = Experience(bag, namespace)
+    experience = Experience.read(bag, namespace)
     lines = []
     for origin in experience.origins:
         facts = (origin.design, origin.arm, origin.preset, f"seed {origin.seed}")
