@@ -11,7 +11,6 @@ import numpy as np
 
 from agent_node.config import AgentConfig
 from agent_node.goals import ProgramGoals
-from agent_node.inputs import ProgramBook
 from agent_node.outputs import ControllerOutput, RelevanceMarkers
 from agent_node.status import AgentStatus
 from pa_ros.acting.agent import Agent, ArenaFacts
@@ -41,6 +40,7 @@ from pa_ros.wire.arena import ArenaDescription, decode_arena_info
 from pa_ros.wire.diagnostics import decode_diagnostics, encode_provenance
 from pa_ros.wire.learning import decode_learner_info, decode_weights, encode_trajectory
 from pa_ros.wire.program import ProgramRequest, decode_program, encode_program_status
+from pa_ros.wire.program_book import ProgramBook
 from pa_ros.wire.step import Command, arena_of, decode_step, encode_command
 from pa_ros.world import Scoring
 from pa_ros.world.world import World
