@@ -16,7 +16,7 @@ from msgs_schema import msg
 from pa_ros.core.experience import ENDLESS
 from pa_ros.language import Program, parse
 from pa_ros.wire import WireError
-from pa_ros.wire.fields import copy_fields, fields_of, float64_field, read_stamp, write_stamp
+from pa_ros.wire.fields import SharedFields, float64_field, read_stamp, write_stamp
 from pa_ros.world import Sparse
 from pa_ros.world.relation import RELATIONS, programs_in
 from pa_ros.world.world import World
@@ -24,12 +24,6 @@ from pa_ros.world.world import World
 # Edition of msgs_schema. Raise it when a receiver of one edition could misread the other.
 WIRE_VERSION = "6"
 SPARSE = Sparse().to_json()  # the paper's reward
-# Fields that are alike in the message and in the record, and arrays of numbers.
-SAME = (
-    *("arena_id", "software_version", "design", "arm", "preset", "seed", "block_count"),
-    *("hand_index", "control_period", "episode_steps", "reward", "perception"),
-)
-NUMBERS = ("joint_lower", "joint_upper", "speed_limits", "thresholds")
 
 
 class Mode(IntEnum):
@@ -76,6 +70,10 @@ class ArenaDescription:
         return RELATIONS[relation].between or own
 
 
+SAME = SharedFields(ArenaDescription, msg.ArenaInfo)
+NUMBERS = SharedFields(ArenaDescription, msg.ArenaInfo, ("tuple[float, ...]",))
+
+
 def describe_robot(
     world: World,
     speed_limits: Mapping[str, float],
@@ -118,14 +116,14 @@ def encode_arena_info(arena: ArenaDescription) -> msg.ArenaInfo:
     """Return the latched self-description of an arena."""
     message = msg.ArenaInfo()
     write_stamp(message.stamp, arena.stamp_ns)
-    copy_fields(message, arena, SAME)
+    SAME.write(message, arena)
     message.wire_version = WIRE_VERSION
     message.mode = int(arena.mode)
     write_world(message, arena.world)
     message.training_programs = list(map(str, arena.training_programs))
     message.object_feature_names = list(arena.world.schema.feature_names)
     message.joint_names = list(arena.joint_names)
-    for name in NUMBERS:
+    for name in NUMBERS.names:
         setattr(message, name, float64_field(np.asarray(getattr(arena, name))))
     return message
 
@@ -135,7 +133,7 @@ def decode_arena_info(message: msg.ArenaInfo) -> ArenaDescription:
     check_version("arena_info", message)
     world = read_world("arena_info", message)
     _check(message, world)
-    numbers: dict[str, Any] = {name: tuple(getattr(message, name)) for name in NUMBERS}
+    numbers: dict[str, Any] = {name: tuple(getattr(message, name)) for name in NUMBERS.names}
     return ArenaDescription(
         mode=Mode(message.mode),
         world=world,
@@ -143,7 +141,7 @@ def decode_arena_info(message: msg.ArenaInfo) -> ArenaDescription:
         joint_names=tuple(message.joint_names),
         stamp_ns=read_stamp(message.stamp),
         **numbers,
-        **fields_of(message, SAME),
+        **SAME.read(message),
     )
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import array
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ NS = 1_000_000_000
 LARGEST_FLOAT32 = float(np.finfo(np.float32).max)
 # Up to this many numbers, math.hypot over Python floats is faster than two NumPy calls.
 FEW = 100
+PLAIN = ("bool", "float", "int", "str")  # annotations of fields that messages have alike
 
 
 def float32_field(values: Float32) -> array.array[float]:
@@ -75,15 +77,21 @@ def read_measures(name: str, values: Sequence[float], rows: int) -> Float64 | No
     return measures.reshape(rows, -1)
 
 
-def copy_fields(message: Any, record: Any, names: Iterable[str]) -> None:
-    """Set the fields that message and record have under the same names."""
-    for name in names:
-        setattr(message, name, getattr(record, name))
+class SharedFields:
+    """The fields that a record and a message both have, of some kinds in the record."""
 
+    def __init__(self, record: type, message: Any, kinds: Sequence[str] = PLAIN) -> None:
+        there = message.get_fields_and_field_types()
+        self.names = [one.name for one in fields(record) if one.name in there and one.type in kinds]
 
-def fields_of(message: Any, names: Iterable[str]) -> dict[str, Any]:
-    """Return these fields by name."""
-    return {name: getattr(message, name) for name in names}
+    def write(self, message: Any, record: Any) -> None:
+        """Set them in a message."""
+        for name in self.names:
+            setattr(message, name, getattr(record, name))
+
+    def read(self, message: Any) -> dict[str, Any]:
+        """Their values in a message, by name."""
+        return {name: getattr(message, name) for name in self.names}
 
 
 def write_stamp(stamp: Any, stamp_ns: int) -> None:

@@ -21,8 +21,7 @@ from pa_ros.language import parse
 from pa_ros.wire import WireError
 from pa_ros.wire.arena import WIRE_VERSION, check_positive, check_version
 from pa_ros.wire.fields import (
-    copy_fields,
-    fields_of,
+    SharedFields,
     float32_field,
     float64_field,
     read_array,
@@ -37,16 +36,8 @@ from pa_ros.world.world import World
 MAX_TRANSITIONS = 10_000  # of one trajectory
 MAX_DIMENSIONS = 8  # of one tensor
 DTYPE, ITEM_BYTES = "float32", 4
-# Fields that are alike in the message and in the record.
-SAME = (
-    *("run_id", "learner_id", "first_version", "world_digest", "architecture", "algorithm"),
-    *("trajectory_steps", "policy_lag", "exploration", "inference", "software_version"),
-    *("control_period", "reward"),
-)
-SAME_OF_TRAJECTORY = (
-    *("agent_id", "incarnation", "sequence", "held_from", "first_of_run", "run_id", "episode"),
-    *("policy_version", "first_step", "world_digest", "hand_index", "ends_episode", "terminated"),
-)
+SAME = SharedFields(LearnerInfo, msg.LearnerInfo)
+SAME_OF_TRAJECTORY = SharedFields(Trajectory, msg.Trajectory)
 
 
 # Trajectories
@@ -56,7 +47,7 @@ def encode_trajectory(trajectory: Trajectory) -> msg.Trajectory:
     """Return a trajectory of one agent."""
     message = msg.Trajectory()
     write_stamp(message.stamp, trajectory.stamp_ns)
-    copy_fields(message, trajectory, SAME_OF_TRAJECTORY)
+    SAME_OF_TRAJECTORY.write(message, trajectory)
     message.program = str(trajectory.program)
     message.transition_count = len(trajectory)
     message.object_count = trajectory.objects.shape[1]
@@ -99,7 +90,7 @@ def decode_trajectory(message: msg.Trajectory, world: World) -> Trajectory:
         rewards=read_array("trajectory.rewards", message.rewards, np.float32, (length,)),
         measures=read_measures("trajectory.measures", message.measures, rows),
         stamp_ns=read_stamp(message.stamp),
-        **fields_of(message, SAME_OF_TRAJECTORY),
+        **SAME_OF_TRAJECTORY.read(message),
     )
 
 
@@ -110,7 +101,7 @@ def encode_learner_info(learner: LearnerInfo) -> msg.LearnerInfo:
     """Return the latched announcement of a learner."""
     message = msg.LearnerInfo()
     write_stamp(message.stamp, learner.stamp_ns)
-    copy_fields(message, learner, SAME)
+    SAME.write(message, learner)
     message.thresholds = float64_field(np.asarray(learner.thresholds))
     message.wire_version = WIRE_VERSION
     return message
@@ -125,7 +116,7 @@ def decode_learner_info(message: msg.LearnerInfo) -> LearnerInfo:
     thresholds = tuple(message.thresholds)
     check_positive("learner_info", control_period=(message.control_period,), thresholds=thresholds)
     return LearnerInfo(
-        **fields_of(message, SAME), thresholds=thresholds, stamp_ns=read_stamp(message.stamp)
+        **SAME.read(message), thresholds=thresholds, stamp_ns=read_stamp(message.stamp)
     )
 
 

@@ -77,9 +77,7 @@ def encode_step(step: Step, into: msg.ObjectFeatures | None = None) -> msg.Objec
     message.joint_velocity = float64_field(observation.joint_velocity)
     message.hand_pose = float64_field(observation.hand_pose)
     message.judged = step.verdict is not None
-    message.reward, message.satisfied = verdict.reward, verdict.satisfied
-    message.distance, message.truncated = verdict.distance, verdict.truncated
-    message.stage, message.violated = verdict.stage, verdict.violated
+    _write_verdict(message, verdict)
     message.measures = float64_field(np.array(verdict.measures or ()))
     return message
 
@@ -139,11 +137,14 @@ def encode_verdict(step: Step, into: msg.Verdict | None = None) -> msg.Verdict:
     write_stamp(message.stamp, observation.stamp_ns)
     message.episode, message.step = observation.episode, observation.step
     message.evaluation, message.program_id = step.evaluation, observation.program_id
-    verdict = step.verdict or NOT_JUDGED
+    _write_verdict(message, step.verdict or NOT_JUDGED)
+    return message
+
+
+def _write_verdict(message: msg.ObjectFeatures | msg.Verdict, verdict: Verdict) -> None:
     message.reward, message.satisfied = verdict.reward, verdict.satisfied
     message.distance, message.truncated = verdict.distance, verdict.truncated
     message.stage, message.violated = verdict.stage, verdict.violated
-    return message
 
 
 def _read_verdict(message: msg.ObjectFeatures) -> Verdict:
