@@ -1,4 +1,18 @@
-"""Whether a program was executed, according to the verdicts on an arena's steps."""
+"""Whether a program was executed, according to the verdicts on an arena's steps.
+
+Ten classes say "it is done", each from what the one before it says:
+
+Progress (language): the automaton of a goal, from which programs hold in each state.
+GoalWatch (world): the verdict on each state, from scores of programs; keeps a `Progress`.
+Verifier (arena): the score of one program in the true state.
+GoalVerifier (arena): the verdict on a goal in the true state; arena and robot publish it.
+OwnJudgement (acting): the same by the agent's estimate, where nobody judged the step.
+Judgement (evaluation): counts how often that estimate errs, for `pa_ros evaluate --judge`.
+ExecutionWatch (here): done once the verdicts held for `hold_s`, or the goal can't be reached.
+ProgramGoals (agent_node): ends a goal of the action with what an ExecutionWatch says.
+ProgramSender (tools): the same for a program that was published, where no agent takes goals.
+Goal (tools): done once the agent's answer has arrived; it judges nothing.
+"""
 
 from __future__ import annotations
 
