@@ -83,7 +83,7 @@ class RecordedEpisode:
 
 
 def _padded(rows: Sequence[Float32]) -> Float32:
-    """Return the objects as [T, N, F] with the largest N; NaN where a row has fewer objects."""
+    """The objects as [T, N, F] with the largest N; NaN where a row has fewer objects."""
     padded = np.full((len(rows), max(map(len, rows)), rows[0].shape[1]), np.nan, np.float32)
     for into, row in zip(padded, rows, strict=True):
         into[: len(row)] = row
@@ -91,13 +91,13 @@ def _padded(rows: Sequence[Float32]) -> Float32:
 
 
 def _stacked(rows: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Return rows as one array [T, J]; NaN for rows that are empty."""
+    """Rows as one array [T, J]; NaN for rows that are empty."""
     width = max(map(len, rows))
     return np.stack([row if len(row) else np.full(width, np.nan, row.dtype) for row in rows])
 
 
 def episodes(bag: Bag, namespace: str | None = None) -> Iterator[RecordedEpisode]:
-    """Return the episodes in recorded order; from transitions if the steps are not recorded.
+    """The episodes in recorded order; from transitions if the steps are not recorded.
 
     Raises BagError (code bag.foreign) if the bag has neither.
     """

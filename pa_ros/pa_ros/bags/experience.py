@@ -94,7 +94,7 @@ class Experience:
         return found[0]
 
     def arena_of(self, agent_id: str) -> ArenaDescription | None:
-        """Return an agent's arena: the only one, or that of its namespace; None if not known."""
+        """An agent's arena: the only one, or that of its namespace; None if not known."""
         places = {_namespace(one) for one in self.origins if one.instance == agent_id}
         beside = {one.instance for one in self.origins if _namespace(one) in places}
         found = {arena.arena_id: arena for arena in self.arenas}
@@ -147,7 +147,7 @@ class Experience:
             yield UsedTrajectory(key, read.pop(key, None), version)
 
     def _order(self) -> list[tuple[TrajectoryKey, int | None]]:
-        """Return the trajectories in the learner's order, with the version that each led to."""
+        """The trajectories in the learner's order, with the version that each led to."""
         left = dict.fromkeys(self.keys)
         order: list[tuple[TrajectoryKey, int | None]] = []
         first = [one.learner.first_version for one in self.origins if one.learner is not None]
@@ -162,7 +162,7 @@ class Experience:
     def _between(
         self, left: Mapping[TrajectoryKey, None], before: int, version: int
     ) -> list[TrajectoryKey]:
-        """Return what led from one recorded version to the next, in order.
+        """What led from one recorded version to the next, in order.
 
         The last trajectory is named in the weights. Those before it, which led to versions that
         were not recorded, follow from the counts of used trajectories.
@@ -242,19 +242,19 @@ def learn(
 
 
 def arenas_of(bag: Bag, namespace: str | None = None) -> list[ArenaDescription]:
-    """Return the arenas' descriptions in recorded order."""
+    """The arenas' descriptions in recorded order."""
     return _decoded(bag, ARENA_INFO, namespace, decode_arena_info)
 
 
 def newest_arena(bag: Bag, namespace: str | None = None) -> ArenaDescription:
-    """Return the arena's newest description. Raises ProvenanceError without any."""
+    """The arena's newest description. Raises ProvenanceError without any."""
     if arenas := arenas_of(bag, namespace):
         return arenas[-1]
     raise ProvenanceError(f"bag: {bag.path}: expected an arena's description, got none")
 
 
 def recorded_world(bag: Bag, namespace: str | None = None) -> World:
-    """Return the world of a recording. Raises ProvenanceError if it does not describe one."""
+    """The world of a recording. Raises ProvenanceError if it does not describe one."""
     for arena in arenas_of(bag, namespace):
         return arena.world
     for origin in _decoded(bag, PROVENANCE, namespace, decode_provenance):
@@ -286,7 +286,7 @@ def _namespace(origin: Origin) -> str:
 def _decoded(
     bag: Bag, type_name: str, namespace: str | None, decode: Callable[[Message], T]
 ) -> list[T]:
-    """Return the decoded messages of a type; none if the bag has no such topic."""
+    """The decoded messages of a type; none if the bag has no such topic."""
     if type_name not in bag.types.values():
         return []
     # In a fleet each arena has its own topics of these types.

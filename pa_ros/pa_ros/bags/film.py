@@ -113,7 +113,7 @@ def _pictures(
 
 
 def _caption(row: Row) -> tuple[str, str]:
-    """Return the program, and the step with its reward and distance where these are recorded."""
+    """The program, and the step with its reward and distance where these are recorded."""
     step, parts = row.step, [f"step {row.seen.step}"]
     if np.isfinite(row.reward):
         parts.append(f"reward {row.reward:+.2f}")
@@ -125,7 +125,7 @@ def _caption(row: Row) -> tuple[str, str]:
 
 
 def _block(features: Float32, schema: ObjectSchema, design: Design) -> Block:
-    """Return a recorded object as a block, without its pose."""
+    """A recorded object as a block, without its pose."""
     has = dict(zip(schema.slices, schema.has(features), strict=True))
     if not all(has[group].any() for group in design.values):
         return _SeenBlock(design.train[0], 0.0, 0.0, 0.0)

@@ -42,7 +42,7 @@ class Group:
 
 
 def describe(bag: Bag, namespace: str | None = None) -> tuple[list[str], bool]:
-    """Return lines to print, and whether the whole bag could be read."""
+    """Lines to print, and whether the whole bag could be read."""
     lines = [f"{bag.path}: {bag.duration_s:.1f} s, {sum(bag.counts.values())} messages"]
     complete = True
     if REPAIRED in bag.custom:
@@ -71,7 +71,7 @@ def _topics(bag: Bag) -> list[str]:
 
 
 def _counts(bag: Bag, key: str) -> dict[str, object]:
-    """Return messages by topic, as metadata.yaml states them. Raises BagError."""
+    """Messages by topic, as metadata.yaml states them. Raises BagError."""
     text = bag.custom.get(key, "{}")
     try:
         found = json.loads(text)

@@ -47,7 +47,7 @@ class Replay:
         self._insight = lru_cache(maxsize=8)(self._load)
 
     def moment(self, episode: int, step: int) -> Moment:
-        """Return a row of an episode, both by their places in the recording."""
+        """A row of an episode, both by their places in the recording."""
         recorded = self.episodes[episode]
         row = recorded.rows[step]
         insight, missing = self._insight(_acting_version(recorded, step))
@@ -56,7 +56,7 @@ class Replay:
         return Moment(self.arena, row.step, row.reward, explanation, missing or why)
 
     def _load(self, version: int) -> tuple[Insight | None, str]:
-        """Return the newest recorded weights up to a version, or why there are none."""
+        """The newest recorded weights up to a version, or why there are none."""
         earlier = [known for known in self._stamps if known <= version]
         try:
             agent = self._agent()
@@ -74,7 +74,7 @@ class Replay:
         return decode_weights(self._bag.deserialize(recorded)).snapshot
 
     def _agent(self) -> Mapping[str, Any]:
-        """Return the agent's parameters; empty if it ran in the learner's process."""
+        """The agent's parameters; empty if it ran in the learner's process."""
         topics = self._bag.topics_of(PROVENANCE, self._namespace)
         for origin in self._bag.decoded(topics, decode_provenance):
             if "checkpoint" in origin.parameters:
@@ -83,7 +83,7 @@ class Replay:
 
 
 def _acting_version(episode: RecordedEpisode, step: int) -> int:
-    """Return the version of the weights that acted at a row, or last before it."""
+    """The version of the weights that acted at a row, or last before it."""
     known = [row.policy_version for row in episode.rows[step::-1] if row.policy_version >= 0]
     return known[0] if known else max(row.policy_version for row in episode.rows)
 
@@ -140,7 +140,7 @@ class Timeline:
 
 
 def _index(value: float, among: Sequence[object]) -> int:
-    """Return the index nearest to a slider's value, which may be left over from a longer list."""
+    """The index nearest to a slider's value, which may be left over from a longer list."""
     return int(min(max(0, value), len(among) - 1))
 
 

@@ -137,7 +137,7 @@ class ArenaScene:
 
 
 def label_heights(places: list[Any]) -> list[float]:
-    """Return the height of each block's label, so that labels of close blocks don't overlap.
+    """The height of each block's label, so that labels of close blocks don't overlap.
 
     Blocks near the camera have the lower labels.
     """
@@ -150,7 +150,7 @@ def label_heights(places: list[Any]) -> list[float]:
 
 
 def _without_blocks(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a copy of the model whose blocks are not drawn; bodies keep their numbers."""
+    """A copy of the model whose blocks are not drawn; bodies keep their numbers."""
     model = copy.copy(model)
     for index in range(model.ngeom):
         if model.geom(index).name.startswith("block"):
@@ -159,7 +159,7 @@ def _without_blocks(model: mujoco.MjModel) -> mujoco.MjModel:
 
 
 def _mesh(geom: Any, factor: float) -> Any:
-    """Return a geom's shape in its own frame, larger by a factor."""
+    """A geom's shape in its own frame, larger by a factor."""
     size, kind = geom.size * factor, _KINDS[int(geom.type[0])]
     if kind == "BOX":
         return trimesh.creation.box(extents=2 * size)
@@ -173,7 +173,7 @@ def _mesh(geom: Any, factor: float) -> Any:
 
 
 def _outline(stage: Stage, block: Any) -> Any:
-    """Return where the program's relation to a block begins to hold, as line segments [S, 2, 3]."""
+    """Where the program's relation to a block begins to hold, as line segments [S, 2, 3]."""
     program = stage.task.program
     threshold = stage.task.scoring.threshold(program.relation, not program.moves_hand)
     moved = stage.task.simulation.positions[stage.task.verifier.moved[0]]

@@ -83,7 +83,7 @@ def describe_robot(
     arm: str = "",
     limits: Sequence[tuple[float, float]] = (),
 ) -> ArenaDescription:
-    """Return the description that a robot publishes in place of an arena, with a new id.
+    """The description that a robot publishes in place of an arena, with a new id.
 
     :param world: the agent's world; agents of another world reject the robot.
     :param speed_limits: rad/s by joint, reached at action 1; their order is the joints' order.
@@ -113,7 +113,7 @@ def describe_robot(
 
 
 def encode_arena_info(arena: ArenaDescription) -> msg.ArenaInfo:
-    """Return the latched self-description of an arena."""
+    """The latched self-description of an arena."""
     message = msg.ArenaInfo()
     write_stamp(message.stamp, arena.stamp_ns)
     SAME.write(message, arena)
@@ -129,7 +129,7 @@ def encode_arena_info(arena: ArenaDescription) -> msg.ArenaInfo:
 
 
 def decode_arena_info(message: msg.ArenaInfo) -> ArenaDescription:
-    """Return what an arena offers. Raises WireError, ConfigError (no world), ProgramError."""
+    """What an arena offers. Raises WireError, ConfigError (no world), ProgramError."""
     check_version("arena_info", message)
     world = read_world("arena_info", message)
     _check(message, world)
@@ -195,7 +195,7 @@ def write_world(message: Any, world: World) -> None:
 
 
 def read_world(where: str, message: Any) -> World:
-    """Return the world of a message. Raises ConfigError, WireError (`wire.world`)."""
+    """The world of a message. Raises ConfigError, WireError (`wire.world`)."""
     world = World.from_json(message.world)
     if world.digest != message.world_digest:
         field = f"{where}.world_digest"
@@ -204,5 +204,5 @@ def read_world(where: str, message: Any) -> World:
 
 
 def read_programs(message: Any, world: World) -> tuple[Program, ...]:
-    """Return the training programs, parsed with the world's words. Raises ProgramError."""
+    """The training programs, parsed with the world's words. Raises ProgramError."""
     return tuple(parse(text, world.vocabulary) for text in message.training_programs)

@@ -68,7 +68,7 @@ SAME_OF_LEARNER = SharedFields(LearnerOrigin, msg.Provenance)
 
 
 def encode_diagnostics(entries: list[Health], stamp_ns: int) -> DiagnosticArray:
-    """Return a node's entries, stamped with its clock."""
+    """A node's entries, stamped with its clock."""
     message = DiagnosticArray()
     write_stamp(message.header.stamp, stamp_ns)
     message.status = [
@@ -85,7 +85,7 @@ def encode_diagnostics(entries: list[Health], stamp_ns: int) -> DiagnosticArray:
 
 
 def decode_diagnostics(message: DiagnosticArray) -> list[Health]:
-    """Return the entries of any node. All texts pass."""
+    """The entries of any node. All texts pass."""
     return [
         Health(
             name=status.name,
@@ -98,7 +98,7 @@ def decode_diagnostics(message: DiagnosticArray) -> list[Health]:
 
 
 def encode_provenance(origin: Origin) -> msg.Provenance:
-    """Return the origin of one process's messages."""
+    """The origin of one process's messages."""
     message = msg.Provenance()
     write_stamp(message.stamp, origin.stamp_ns)
     SAME.write(message, origin)
@@ -113,7 +113,7 @@ def encode_provenance(origin: Origin) -> msg.Provenance:
 
 
 def decode_provenance(message: msg.Provenance) -> Origin:
-    """Return the origin of one process's messages. Raises WireError, ConfigError (no world)."""
+    """The origin of one process's messages. Raises WireError, ConfigError (no world)."""
     check_version("provenance", message)
     world = read_world("provenance", message) if message.world else None
     return Origin(

@@ -38,7 +38,7 @@ def read_array(
     shape: tuple[int, ...],
     largest: float = math.inf,
 ) -> NDArray[Any]:
-    """Return a finite array of `shape` that owns its memory.
+    """A finite array of `shape` that owns its memory.
 
     Raises WireError: `wire.size` for another count, `wire.non_finite`, `wire.range` for a
     magnitude above `largest`.
@@ -64,7 +64,7 @@ def read_array(
 
 
 def read_measures(name: str, values: Sequence[float], rows: int) -> Float64 | None:
-    """Return the measures of P programs in each of so many rows, [rows, P]; None: not said.
+    """The measures of P programs in each of so many rows, [rows, P]; None: not said.
 
     Raises WireError (`wire.range`) unless all are at least 0, or infinite.
     """
@@ -100,12 +100,12 @@ def write_stamp(stamp: Any, stamp_ns: int) -> None:
 
 
 def read_stamp(stamp: Any) -> int:
-    """Return a builtin_interfaces/Time in nanoseconds."""
+    """A builtin_interfaces/Time in nanoseconds."""
     return int(stamp.sec) * NS + int(stamp.nanosec)
 
 
 def header_stamp(message: Any) -> int:
-    """Return the header's stamp in nanoseconds: the parts of one control step share it."""
+    """The header's stamp in nanoseconds: the parts of one control step share it."""
     return read_stamp(message.header.stamp)
 
 
@@ -116,5 +116,5 @@ def write_vector(target: Any, values: Float64, names: str = "xyz") -> None:
 
 
 def read_vector(source: Any, names: str = "xyz") -> Float64:
-    """Return a vector, a point or (`names` "xyzw") a quaternion."""
+    """A vector, a point or (`names` "xyzw") a quaternion."""
     return np.array([getattr(source, name) for name in names])

@@ -44,7 +44,7 @@ SAME_OF_TRAJECTORY = SharedFields(Trajectory, msg.Trajectory)
 
 
 def encode_trajectory(trajectory: Trajectory) -> msg.Trajectory:
-    """Return a trajectory of one agent."""
+    """A trajectory of one agent."""
     message = msg.Trajectory()
     write_stamp(message.stamp, trajectory.stamp_ns)
     SAME_OF_TRAJECTORY.write(message, trajectory)
@@ -59,12 +59,12 @@ def encode_trajectory(trajectory: Trajectory) -> msg.Trajectory:
 
 
 def decode_trajectory_key(message: msg.Trajectory) -> TrajectoryKey:
-    """Return the name of a trajectory without decoding the rest."""
+    """The name of a trajectory without decoding the rest."""
     return TrajectoryKey(message.agent_id, message.incarnation, message.sequence)
 
 
 def decode_trajectory(message: msg.Trajectory, world: World) -> Trajectory:
-    """Return a trajectory of the receiver's world. Raises WireError, ProgramError."""
+    """A trajectory of the receiver's world. Raises WireError, ProgramError."""
     if message.world_digest != world.digest:
         field, received = "trajectory.world_digest", message.world_digest
         raise WireError(field, world.digest, received, code="wire.world")
@@ -98,7 +98,7 @@ def decode_trajectory(message: msg.Trajectory, world: World) -> Trajectory:
 
 
 def encode_learner_info(learner: LearnerInfo) -> msg.LearnerInfo:
-    """Return the latched announcement of a learner."""
+    """The latched announcement of a learner."""
     message = msg.LearnerInfo()
     write_stamp(message.stamp, learner.stamp_ns)
     SAME.write(message, learner)
@@ -108,7 +108,7 @@ def encode_learner_info(learner: LearnerInfo) -> msg.LearnerInfo:
 
 
 def decode_learner_info(message: msg.LearnerInfo) -> LearnerInfo:
-    """Return what a learner asks of its agents. Raises WireError."""
+    """What a learner asks of its agents. Raises WireError."""
     check_version("learner_info", message)
     if not 1 <= message.trajectory_steps <= MAX_TRANSITIONS:
         field, expected = "learner_info.trajectory_steps", f"1 to {MAX_TRANSITIONS}"
@@ -124,7 +124,7 @@ def decode_learner_info(message: msg.LearnerInfo) -> LearnerInfo:
 
 
 def encode_weights(policy: PublishedPolicy) -> msg.PolicyWeights:
-    """Return a snapshot; its tensors follow one another in the payload."""
+    """A snapshot; its tensors follow one another in the payload."""
     snapshot = policy.snapshot
     message = msg.PolicyWeights()
     write_stamp(message.stamp, policy.stamp_ns)
@@ -151,12 +151,12 @@ def encode_weights(policy: PublishedPolicy) -> msg.PolicyWeights:
 
 
 def weights_checksum(snapshot: PolicySnapshot) -> str:
-    """Return the SHA-256 of a snapshot's payload, as its message states it."""
+    """The SHA-256 of a snapshot's payload, as its message states it."""
     return hashlib.sha256(_payload(snapshot)).hexdigest()
 
 
 def decode_weights(message: msg.PolicyWeights, world_digest: str | None = None) -> PublishedPolicy:
-    """Return a snapshot for the world of `world_digest` (None: any). Raises WireError."""
+    """A snapshot for the world of `world_digest` (None: any). Raises WireError."""
     if world_digest not in (None, message.world_digest):
         field, received = "policy_weights.world_digest", message.world_digest
         raise WireError(field, world_digest, received, code="wire.world")
@@ -186,7 +186,7 @@ def _mark(key: TrajectoryKey) -> msg.SequenceMark:
 
 
 def _read_tensors(message: msg.PolicyWeights) -> dict[str, Float32]:
-    """Return the tensors, which must have unique names and cover the payload without a gap."""
+    """The tensors, which must have unique names and cover the payload without a gap."""
     payload = memoryview(message.payload)
     digest = hashlib.sha256(payload).hexdigest()
     if digest != message.checksum:
