@@ -15,13 +15,13 @@ import yaml
 from agent_node.config import AgentConfig
 from learner_node.config import LearnerNodeConfig
 from pa_ros.arena import PRESETS, ArenaChoice, ArenaConfig
-from pa_ros.core.extensions import NodeSettings
 from pa_ros.core.settings import Leaf, Settings
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.td3.config import TD3Config
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.recipes import RECIPES, LearningSettings
 from pa_ros.networks.config import NetworkSettings
+from pa_ros.ros.settings import NodeSettings
 from sim_node.config import SimConfig
 from sim_node.robot.settings import RobotSettings
 

@@ -6,10 +6,10 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from pa_ros.core.extensions import NodeSettings
 from pa_ros.core.settings import OneOf
 from pa_ros.language import LOGICS, MIN_MAX
 from pa_ros.ros.environment import check_namespace
+from pa_ros.ros.settings import NodeSettings
 
 LONGEST_S = 1e6  # of any period; 11 days
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from agent_node.acting import ActingNode
 from pa_ros.acting.execution import ENDED, Execution, ExecutionWatch
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Step
@@ -26,9 +27,6 @@ from pa_ros.wire.program import (
     encode_goal_result,
     encode_program,
 )
-
-if TYPE_CHECKING:
-    from agent_node.node import AgentNode
 
 ACTION = EXECUTE_PROGRAM[0]
 FEEDBACK_S = 0.2  # wall time
@@ -53,14 +51,14 @@ class _Execution:
 class ProgramGoals:
     """Executes one goal at a time. The arena's verdicts say whether it is reached."""
 
-    def __init__(self, node: AgentNode) -> None:
+    def __init__(self, node: ActingNode) -> None:
         self._node = node
         self._current: _Execution | None = None
         self._served = 0
         self._program_out = topics.PROGRAM.publisher(node)
         self._timer: Any = None
         node.subscribe(topics.PROGRAM_STATUS, self._on_status)
-        GoalServer(node, EXECUTE_PROGRAM, self._start, self._cancel)
+        GoalServer(node, node.refusals, EXECUTE_PROGRAM, self._start, self._cancel)
 
     def abandon(self) -> None:
         """Abort the goal and hold the arm: the agent was deactivated."""

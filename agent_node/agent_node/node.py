@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from agent_node.acting import ActingNode
 from agent_node.config import AgentConfig
 from agent_node.goals import ProgramGoals
-from agent_node.inputs import ProgramBook
 from agent_node.outputs import ControllerOutput, RelevanceMarkers
 from agent_node.status import AgentStatus
 from pa_ros.acting.agent import Agent, ArenaFacts
@@ -33,7 +33,6 @@ from pa_ros.provenance import origin
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import LEARNER_ID
-from pa_ros.ros.lifecycle import ManagedNode
 from pa_ros.ros.peers import PeerMonitor, is_restarted_learner
 from pa_ros.ros.refusals import RateLimiter, answer_program
 from pa_ros.wire import Message
@@ -41,18 +40,17 @@ from pa_ros.wire.arena import ArenaDescription, decode_arena_info
 from pa_ros.wire.diagnostics import decode_diagnostics, encode_provenance
 from pa_ros.wire.learning import decode_learner_info, decode_weights, encode_trajectory
 from pa_ros.wire.program import ProgramRequest, decode_program, encode_program_status
+from pa_ros.wire.program_book import ProgramBook
 from pa_ros.wire.step import Command, arena_of, decode_step, encode_command
 from pa_ros.world import Scoring
 from pa_ros.world.world import World
 
 
-class AgentNode(ManagedNode):
+class AgentNode(ActingNode):
     """One agent: it answers each observation with one command, and sends none without.
 
     While inactive it still follows arena and learner, but takes in no step.
     """
-
-    config: AgentConfig
 
     def __init__(self) -> None:
         self._drawn_id = uuid.uuid4().hex[:8]  # kept after a cleanup: still the same agent
@@ -63,8 +61,7 @@ class AgentNode(ManagedNode):
         self.agent_id = config.agent_id or f"{self.get_name()}-{self._drawn_id}"
         self.agent = make_agent(config, AgentKey(self.agent_id, time.time_ns()))
         self.book = ProgramBook(Vocabulary(()), self.agent.check_program)  # until an arena is known
-        self.seen: tuple[Step, Goal] | None = None  # the newest step taken in
-        self.given_up = ""  # id of the program whose goal was cancelled or took too long
+        self.seen, self.given_up = None, ""
         self._handled_ns = self._commanded_ns = -1  # stamps of the newest step taken in, answered
         self._command = topics.JOINT_COMMANDS.type()  # filled again for each command
         self._commands = self._trajectories = 0

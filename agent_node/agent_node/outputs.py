@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from agent_node.acting import ActingNode
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
@@ -16,9 +17,6 @@ from pa_ros.wire.arena import ArenaDescription
 from pa_ros.wire.views import encode_outlines, encode_setpoint
 from pa_ros.world.poses import places
 from pa_ros.world.velocity import VelocityRamp
-
-if TYPE_CHECKING:
-    from agent_node.node import AgentNode
 
 # Wall time without commands after which controllers are sent to rest: three control periods, as the
 # arena's own `command_timeout_s`.
@@ -34,7 +32,7 @@ class ControllerOutput:
     Velocities change no faster than `max_acceleration`. When commands stop, they go down to zero.
     """
 
-    def __init__(self, node: AgentNode) -> None:
+    def __init__(self, node: ActingNode) -> None:
         config = node.config
         self._acceleration = config.max_acceleration
         self._node, self._form = node, config.controller
@@ -92,7 +90,7 @@ class RelevanceMarkers:
     While somebody else subscribes to the markers, it does too, to learn the blocks' shapes.
     """
 
-    def __init__(self, node: AgentNode) -> None:
+    def __init__(self, node: ActingNode) -> None:
         self._node = node
         self._out = topics.MARKERS.publisher(node)
         self._markers: Any = None  # subscription

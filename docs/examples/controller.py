@@ -4,7 +4,6 @@ from pathlib import Path
 
 from rclpy.node import Node
 
-from agent_node.inputs import ProgramBook
 from pa_ros.acting.executing import Actor
 from pa_ros.language import stages
 from pa_ros.learning.checkpoints import load_policy
@@ -13,6 +12,7 @@ from pa_ros.ros.node_main import run_node
 from pa_ros.ros.refusals import Refusals, answer_program
 from pa_ros.wire.arena import decode_arena_info
 from pa_ros.wire.program import decode_program, encode_program_status
+from pa_ros.wire.program_book import ProgramBook
 from pa_ros.wire.step import Command, decode_step, encode_command
 
 

@@ -6,9 +6,9 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from pa_ros.core.extensions import NodeSettings
 from pa_ros.learning.recipes import LearningSettings
 from pa_ros.ros.environment import check_namespace
+from pa_ros.ros.settings import NodeSettings
 
 
 class LearnerNodeConfig(NodeSettings, LearningSettings):

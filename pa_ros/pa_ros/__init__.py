@@ -27,11 +27,13 @@ has more; `pa_ros --help` lists the commands.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pa_ros.core import __version__
+
 if TYPE_CHECKING:
+    from pa_ros.acting.execution import Result
     from pa_ros.agents import TrainedAgent
     from pa_ros.core.experience import Observation, Verdict
     from pa_ros.evaluation.evaluate import ProgramRow
@@ -39,22 +41,9 @@ if TYPE_CHECKING:
 
 # Functions import what they need, so that `import pa_ros` stays quick.
 
-__version__ = "0.2.0"
-__all__ = ["Arena", "Arm", "Result", "evaluate", "load", "make_arena", "train"]
+__all__ = ["Arena", "Arm", "Result", "__version__", "evaluate", "load", "make_arena", "train"]
 
 HOLD_STEPS = 5
-
-
-@dataclass(frozen=True)
-class Result:
-    """The outcome of one program."""
-
-    program: str  # canonical text
-    success: bool  # satisfied at the end, for long enough
-    distance: float  # of the relation at the end; for NEAR in m, to the nearest named object
-    reached_s: float | None  # simulation time until it was satisfied for good; None: never
-    reason: str = ""  # why it was not reached
-    code: str = ""  # of the reason, such as goal.time_limit
 
 
 def make_arena(
@@ -195,7 +184,7 @@ class Arena:
         program or one that names no present object, ActingError for an agent of another arm or
         design.
         """
-        from pa_ros.acting.execution import ENDED
+        from pa_ros.acting.execution import ENDED, Result
         from pa_ros.agents import greedy
         from pa_ros.language import stages
 
@@ -224,7 +213,11 @@ class Arena:
 
 
 def __getattr__(name: str) -> Any:
-    """Import `Arm` when it is first used: only it needs ROS."""
+    """Import `Arm` and `Result` when they are first used: only `Arm` needs ROS."""
+    if name == "Result":
+        from pa_ros.acting.execution import Result
+
+        return Result
     if name != "Arm":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:

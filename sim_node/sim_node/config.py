@@ -15,8 +15,8 @@ from pa_ros.arena import (
 )
 from pa_ros.arena.camera import CameraConfig
 from pa_ros.core.experience import ENDLESS
-from pa_ros.core.extensions import NodeSettings
 from pa_ros.perception import TOLD
+from pa_ros.ros.settings import NodeSettings
 from pa_ros.world import reward_from
 
 LONGEST_S = 1e6  # of any period; 11 days

@@ -34,7 +34,7 @@ class Entities:
         self._named_episode: Episode | None = None
 
     def matching(self, wanted: EntityFilter | None = None) -> list[Entity]:
-        """Return the entities that pass a filter, the hand first."""
+        """The entities that pass a filter, the hand first."""
         self._name_blocks()
         hand, *states = bodies(self._session.task)
         found = [Entity(HAND, Category.ROBOT, (), "the arm's hand", hand)]
@@ -46,14 +46,14 @@ class Entities:
         return found if wanted is None else list(filter(_test_of(wanted), found))
 
     def named(self, name: str) -> Entity:
-        """Return the entity with this name."""
+        """The entity with this name."""
         for entity in self.matching():
             if entity.name == name:
                 return entity
         raise _not_found(name, [HAND, *self._names])
 
     def spawnable(self) -> dict[str, Kind]:
-        """Return the kinds of blocks that can be added, by uri."""
+        """The kinds of blocks that can be added, by uri."""
         design = self._session.task.design
         return {_uri_of(kind): kind for kind in (*design.extended_pool, *design.places)}
 
@@ -113,7 +113,7 @@ class Entities:
         return [block.kind for block in self._session.task.episode.blocks]
 
     def _index_of(self, name: str) -> int:
-        """Return the place of a block."""
+        """The place of a block."""
         self._name_blocks()
         if name == HAND:
             text = f"entity: expected one of {self._names}: only the joints move the hand"
@@ -157,7 +157,7 @@ class Entities:
 
 
 def solids(model: Any, blocks: Sequence[Entity]) -> list[Solid]:
-    """Return shape and color of the blocks of a compiled MuJoCo model, in their order."""
+    """Shape and color of the blocks of a compiled MuJoCo model, in their order."""
     found = []
     for i, entity in enumerate(blocks):
         geom = model.geom(f"block{i}")
@@ -186,7 +186,7 @@ def _snake(text: str) -> str:
 
 
 def _numbered(name: str, taken: Sequence[str]) -> str:
-    """Return the name, with a number if it is taken."""
+    """The name, with a number if it is taken."""
     number, free = 1, name
     while free in taken:
         number += 1
@@ -200,7 +200,7 @@ def _not_found(name: str, known: Sequence[str]) -> SimulatorError:
 
 
 def _test_of(wanted: EntityFilter) -> Callable[[Entity], bool]:
-    """Return whether an entity passes a filter, as a function."""
+    """Whether an entity passes a filter, as a function."""
     # The standard's expressions are POSIX extended. pydantic's regular expressions know its
     # character classes and take linear time, while Python's own know neither.
     try:

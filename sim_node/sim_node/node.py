@@ -191,7 +191,7 @@ class SimNode(ManagedNode):
     def _announce(self) -> None:
         """Publish the active program if the arena drew it."""
         program = self._announced = self.session.program
-        if program is not None and self.session.program_ids.is_own(program.program_id):
+        if program is not None and self.session.book.is_own(program.program_id):
             name = self.get_fully_qualified_name()
             stamp_ns = self.session.current.observation.stamp_ns
             status = ProgramStatus(

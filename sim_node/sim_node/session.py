@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict, deque
+from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from pa_ros import provenance
 from pa_ros.arena import (
     ArenaError,
     Episode,
@@ -21,20 +20,20 @@ from pa_ros.arena import (
 )
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import CommandKey, Executed, Float64, Observation, Step, Verdict
-from pa_ros.language import Goal, parse_goal
+from pa_ros.language import Goal
 from pa_ros.language.errors import ProgramError
 from pa_ros.perception import TOLD, VIEWS, calibrated, task_seen
-from pa_ros.wire import WireError
+from pa_ros.provenance import describe, origin
 from pa_ros.wire.arena import ArenaDescription, Mode
 from pa_ros.wire.diagnostics import Origin
 from pa_ros.wire.program import ProgramRequest, program_id_of
+from pa_ros.wire.program_book import ProgramBook
 from pa_ros.wire.services import ResetRequest
 from pa_ros.wire.step import Command
 from pa_ros.world import reward_from
 from sim_node.config import LAST_EPISODE, SimConfig
 
 RECENT_EPISODES = 20  # the reported mean rewards are over this many
-REMEMBERED_PROGRAMS = 4096
 
 
 class SimError(PaError):
@@ -80,7 +79,7 @@ class Session:
         self.perception = _calibration(config)
         told = self.arena, config.design_of(), config.seed
         self.task = task_seen(*told, self.perception, reward)
-        self.program_ids = ProgramIds(arena_id)
+        self.book = ProgramBook(self.task.design.vocabulary, own=f"{arena_id}/")
         self.speed_limits = np.array(self.arena.joint_speed_limits)  # [J] rad/s
         self.hold: Float64 = np.zeros(self.arena.joints)  # the command that stops the arm, rad/s
         self.steps = 0  # control periods so far
@@ -174,7 +173,7 @@ class Session:
         WireError if its id already means another program.
         """
         program = self._checked(request, self.task.episode)
-        self.program_ids.bind(program.program_id, program.text)
+        self.book.bind(program.program_id, program.text)
         self._requested = program
         if self.program is None:
             self._show_current_step(program, self.current.evaluation)
@@ -189,13 +188,13 @@ class Session:
         """The program that an episode begins with; None where the arm waits for one."""
         if requested:
             program = self._checked(ProgramRequest(program_id_of(requested), requested), episode)
-            self.program_ids.bind(program.program_id, program.text)
+            self.book.bind(program.program_id, program.text)
             self._requested = program
             return program
         if self.config.program_source == "generator":
             kind = "eval" if evaluation else "train"
             own = ActiveProgram(f"{self.arena_id}/{kind}/{episode.index}", episode.goal)
-            self.program_ids.remember(own.program_id, own.text)
+            self.book.name(own.program_id, own.text)
             return own
         if self._requested is not None:
             with suppress(ProgramError):
@@ -204,7 +203,7 @@ class Session:
         return None
 
     def _checked(self, request: ProgramRequest, episode: Episode) -> ActiveProgram:
-        program = parse_goal(request.text, self.task.design.vocabulary)
+        program = self.book.program(request.text)
         self.task.check(program, episode)
         return ActiveProgram(request.program_id, program)
 
@@ -242,9 +241,7 @@ class Session:
         design, config = self.task.design, self.config
         mode = Mode.LOCKSTEP if config.mode == "lockstep" else Mode.REAL_TIME
         programs, reward = training_programs(design), self.task.scoring.reward
-        about = provenance.describe(
-            self.arena, design, config.seed, programs, self.arena_id, mode, reward
-        )
+        about = describe(self.arena, design, config.seed, programs, self.arena_id, mode, reward)
         # A condition may have more blocks than the design, or fewer.
         blocks = len(self.scene(False, config.first_episode).blocks)
         world, perception = self.task.world, self.perception
@@ -252,7 +249,7 @@ class Session:
 
     def origin(self, node: str) -> Origin:
         """Software, settings and world of this arena, for recordings; `node` is its full name."""
-        return provenance.origin(
+        return origin(
             node,
             self.arena_id,
             self.config.seed,
@@ -275,36 +272,3 @@ def _calibration(config: SimConfig) -> str:
     from pa_ros.learning.checkpoints import camera_of
 
     return camera_of(Path(config.perception))
-
-
-class ProgramIds:
-    """Canonical texts by program id, the newest REMEMBERED_PROGRAMS. An id never changes its text.
-
-    Ids that begin with the arena's own prefix are those of the programs that the arena draws.
-    """
-
-    def __init__(self, arena_id: str) -> None:
-        self._prefix = f"{arena_id}/"
-        self._texts: OrderedDict[str, str] = OrderedDict()
-
-    def is_own(self, program_id: str) -> bool:
-        """Whether an id belongs to a program that the arena has drawn."""
-        return program_id.startswith(self._prefix)
-
-    def bind(self, program_id: str, text: str) -> None:
-        """Give an id to a person's program. Raises WireError if the id isn't free for it."""
-        if self.is_own(program_id):
-            expected = f"one that does not begin with {self._prefix!r} (the arena's own programs)"
-            raise WireError("program_id", expected, repr(program_id), code="program.id_taken")
-        known = self._texts.get(program_id, text)
-        if known != text:
-            expected = f"another id than {program_id!r}, which means {known}"
-            raise WireError("program_id", expected, f"{text} with that id", code="program.id_taken")
-        self.remember(program_id, text)
-
-    def remember(self, program_id: str, text: str) -> None:
-        """Keep the text of an id."""
-        self._texts[program_id] = text
-        self._texts.move_to_end(program_id)
-        while len(self._texts) > REMEMBERED_PROGRAMS:
-            self._texts.popitem(last=False)

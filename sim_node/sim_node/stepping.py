@@ -33,7 +33,7 @@ class SteppingAction:
         self._goal: ActionGoal | None = None
         self._steps = self._done = 0
         self._timer: Any = None
-        GoalServer(arena, SIMULATE_STEPS, self._start, self._cancel)
+        GoalServer(arena, arena.refusals, SIMULATE_STEPS, self._start, self._cancel)
 
     @property
     def awaits_command(self) -> bool:

@@ -43,7 +43,7 @@ def learn(out: Path, *arguments: str | Path) -> int:
 
 def verified(bag: Path):
     with Bag(bag) as opened:
-        return verify(Experience(opened))
+        return verify(Experience.read(opened))
 
 
 def test_recording_changes_nothing(recorded, tmp_path):
@@ -120,7 +120,7 @@ def test_one_altered_transition_is_found_and_named(
 def replayed(bag: Path, **altered):
     """A fresh arena for a bag's description, and the bag's first trajectory."""
     with Bag(bag) as opened:
-        experience, (arena,) = Experience(opened), arenas_of(opened)
+        experience, (arena,) = Experience.read(opened), arenas_of(opened)
         return ArenaReplay(replace(arena, **altered)), next(experience.used(arena.world)).trajectory
 
 
@@ -150,14 +150,15 @@ def test_only_the_first_altered_trajectories_are_described(learned, tmp_path):
 
 def test_each_agent_of_several_arenas_has_the_arena_beside_it(learned):
     with Bag(learned) as bag:
-        found = Experience(bag)
+        found = Experience.read(bag)
     sides, (arena,), origin = ("left", "right"), found.arenas, found.learner
-    found.arenas = [replace(arena, arena_id=side) for side in sides]
-    found.origins = [
+    arenas = [replace(arena, arena_id=side) for side in sides]
+    origins = [
         replace(origin, node=f"/{side}/{node}", instance=instance)
         for side in sides
         for node, instance in (("sim_node", side), ("agent_node", f"agent {side}"))
     ]
+    found = replace(found, arenas=arenas, origins=origins)
     assert [found.arena_of(f"agent {side}").arena_id for side in sides] == list(sides)
     assert found.arena_of("agent of no arena") is None
 
@@ -170,7 +171,7 @@ def test_weights_sent_again_without_their_trajectory_do_not_hide_it(learned, tmp
         return [message, replace(message, latest=[])][::order]
 
     with Bag(rewritten(learned, tmp_path / "copy", again)) as bag:
-        latest = [one.latest for one in Experience(bag).published.values()]
+        latest = [one.latest for one in Experience.read(bag).published.values()]
     assert [one and one.sequence for one in latest] == [None, 0, 1, 2]
 
 

@@ -90,7 +90,7 @@ def test_films_have_a_picture_for_each_frame(dataset):
 
 def test_episodes_are_cut_where_steps_or_actions_are_missing(changing, stepped, tmp_path, capsys):
     assert main(["bag", "export", str(changing), "--lerobot", str(tmp_path / "changing")]) == 2
-    assert "expected steps with joints and actions, got none" in capsys.readouterr().err
+    assert "expected steps with actions, got none" in capsys.readouterr().err
     cut = rewritten(
         stepped,
         tmp_path / "cut",

@@ -29,7 +29,7 @@ def export(bag: Path, *arguments: str | Path) -> int:
 def first_episode(path: Path) -> tuple[RecordedEpisode, Stage]:
     with Bag(path) as bag:
         episode, arena = next(iter(episodes(bag))), arenas_of(bag)[-1]
-    return episode, Stage(episode, arena)
+    return episode, Stage(arena, episode.rows[0].step)
 
 
 def test_the_parts_of_each_step_are_joined(stepped):
@@ -40,10 +40,10 @@ def test_the_parts_of_each_step_are_joined(stepped):
     ]  # fmt: skip
     rows = [row for episode in found for row in episode.rows]
     for row, (observation, verdict, command, program, _) in zip(rows, acted(), strict=True):
-        assert (row.step, row.program) == (observation.step, str(program))
-        np.testing.assert_array_equal(row.objects, observation.objects)
-        np.testing.assert_array_equal(row.joint_position, observation.joint_position)
-        np.testing.assert_array_equal(row.joint_velocity, observation.joint_velocity)
+        assert (row.seen.step, row.step.program) == (observation.step, str(program))
+        np.testing.assert_array_equal(row.seen.objects, observation.objects)
+        np.testing.assert_array_equal(row.seen.joint_position, observation.joint_position)
+        np.testing.assert_array_equal(row.seen.joint_velocity, observation.joint_velocity)
         assert (row.reward, row.distance) == (verdict.reward, verdict.distance)
         if command is None:
             assert len(row.action) == 0 and row.policy_version == -1
@@ -63,13 +63,15 @@ def test_samples_and_what_a_camera_saw_are_not_taken_for_the_arenas_steps(steppe
 
 def test_a_comparison_is_made_anew_at_each_step(stepped):
     episode, stage = first_episode(stepped)
-    row = replace(episode.rows[0], program="NEAR(HAND, LEFTMOST(OR(CUBE, NOT(CUBE))))")
-    stage.show(row)
+    text = "NEAR(HAND, LEFTMOST(OR(CUBE, NOT(CUBE))))"
+    step = replace(episode.rows[0].step, program=text)
+    stage.show(step)
     (leftmost,) = stage.task.verifier.targets
-    objects = row.objects.copy()
+    seen = step.observation
+    objects = seen.objects.copy()
     objects[1:] = objects[:0:-1]  # in the opposite order
-    objects[1:, 7:] = row.objects[1:, 7:]
-    stage.show(replace(row, objects=objects))
+    objects[1:, 7:] = seen.objects[1:, 7:]
+    stage.show(replace(step, observation=replace(seen, objects=objects)))
     assert stage.task.verifier.targets == (len(objects) - leftmost,)
 
 
@@ -209,12 +211,12 @@ def test_the_stage_shows_what_was_recorded(stepped, learned, changing):
     for path, every in ((stepped, 7), (learned, 7), (changing, 1)):
         episode, stage = first_episode(path)
         for row in episode.rows[::every]:
-            stage.show(row)
+            stage.show(row.step)
             given = stage.task.simulation.objects()
-            np.testing.assert_allclose(given[:, :3], row.objects[:, :3], atol=1e-5)
-            turned = np.abs(np.sum(given[:, 3:7] * row.objects[:, 3:7], axis=1))
+            np.testing.assert_allclose(given[:, :3], row.seen.objects[:, :3], atol=1e-5)
+            turned = np.abs(np.sum(given[:, 3:7] * row.seen.objects[:, 3:7], axis=1))
             np.testing.assert_allclose(turned, 1.0, atol=1e-5)
-            np.testing.assert_array_equal(given[:, 7:], row.objects[:, 7:])
+            np.testing.assert_array_equal(given[:, 7:], row.seen.objects[:, 7:])
 
 
 def film(bag: Path, out: Path, *arguments: str) -> int:
@@ -243,9 +245,9 @@ def test_a_film_has_a_picture_of_each_step_at_the_arenas_speed(stepped, tmp_path
 def test_a_film_shows_a_target_only_while_one_is_known(stepped, text):
     episode, stage = first_episode(stepped)
     for row in episode.rows[:4] + episode.rows[5:]:
-        row.program = text
+        row.step = replace(row.step, program=text)
     targets = []
     for row in episode.rows[:9]:
-        stage.show(row)
+        stage.show(row.step)
         targets.append(len(stage.task.verifier.targets))
-    assert episode.rows[4].program and targets == [0] * 4 + [1] + [0] * 4
+    assert episode.rows[4].step.program and targets == [0] * 4 + [1] + [0] * 4

@@ -17,7 +17,7 @@ from pa_ros.console import markup
 from pa_ros.console.history import History
 from pa_ros.console.moment import Moment
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.experience import PolicySnapshot, PublishedPolicy, Step
+from pa_ros.core.experience import PolicySnapshot, PublishedPolicy, Step, Verdict
 from pa_ros.language import MIN_MAX, PRODUCT, parse, relevance
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.learning.recipes import LearningSettings
@@ -34,6 +34,13 @@ SNAPSHOT = load_policy(Path("shipped:3-D"))
 VOCABULARY = design_named("3-D").vocabulary
 TASK = ReachTask(preset_named("fast"), design_named("3-D"), 2)
 OBSERVATION, _ = TASK.reset(0, "train")
+
+
+def at(text: str, stage: int = 0) -> Step:
+    """The observed step under a program, not yet satisfied."""
+    return Step(OBSERVATION, Verdict(-1.0, False, 0.5, False, stage), text)
+
+
 HTML = "<img src=x onerror=alert(1)>"
 
 
@@ -100,7 +107,7 @@ def test_tables_have_a_row_for_each_word_and_node(text):
     arena = describe(preset_named("fast"), design_named("3-D"), 2, (), "arena")
     found, why = explained(Insight(SNAPSHOT), OBSERVATION, text, VOCABULARY)
     assert found is not None and found.phi.shape == (len(VOCABULARY.words), 5)
-    moment = Moment(arena, OBSERVATION, False, text, -1.0, 0.5, False, found, why)
+    moment = Moment(arena, at(text), -1.0, found, why)
     names = ["one", "two", "<b>", "four"]
     shown = markup.words_by_objects(moment, names)
     assert shown.count("<tr>") == 1 + len(VOCABULARY.words) + bool(text) and "<b>" not in shown
@@ -116,7 +123,7 @@ def test_a_goal_over_time_is_explained_by_the_program_that_is_pursued():
     arena = describe(preset_named("fast"), design_named("3-D"), 2, (), "arena")
     found, why = explained(Insight(SNAPSHOT), OBSERVATION, text, VOCABULARY, 1)
     assert found is not None and [node.text for node in found.tree] == ["AND", "BLUE", "CUBE"]
-    moment = Moment(arena, OBSERVATION, False, text, -1.0, 0.5, False, found, why, stage=1)
+    moment = Moment(arena, at(text, stage=1), -1.0, found, why)
     shown = markup.state(moment)
     assert "stage 2 of 2" in shown and "at most 0.20 m is wanted" in shown
     assert "THEN" in markup.reading(text, VOCABULARY)

@@ -2,9 +2,9 @@
 
 from unittest.mock import MagicMock
 
-import numpy as np
 import pytest
 
+from helpers.messages import judged
 from helpers.recordings import rewritten, train
 from pa_ros.bags.episodes import RecordedEpisode, Row
 from pa_ros.bags.errors import ProvenanceError
@@ -32,7 +32,7 @@ def test_moments_have_the_weights_that_acted(recorded):
         versions = []
         for place, episode in enumerate(replay.episodes):
             moment = replay.moment(place, 3)
-            assert moment.observation.step == 3 and moment.program == episode.rows[3].program
+            assert moment.observation.step == 3 and moment.program == episode.rows[3].step.program
             assert moment.explanation is not None and moment.explanation.tree, moment.unexplained
             versions.append(moment.explanation.version)
         assert versions == [episode.rows[3].policy_version for episode in replay.episodes]
@@ -86,7 +86,7 @@ def test_a_bag_without_weights_is_shown_without_explanation(recorded, tmp_path):
 
 def test_a_slider_of_a_longer_episode_shows_the_last_step():
     replay, page, client = MagicMock(), MagicMock(), MagicMock()
-    rows = [Row(step, 0, np.zeros((1, 16), np.float32), 0, "") for step in range(2)]
+    rows = [Row(judged(number, False, 0), -1.0) for number in range(2)]
     replay.episodes = [RecordedEpisode(number, False, rows) for number in range(2)]
     episode, step = MagicMock(value=1), MagicMock(value=99)
     client.gui.add_slider.side_effect = [episode, step]

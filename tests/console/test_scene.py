@@ -15,6 +15,7 @@ from pa_ros.console.moment import Moment
 from pa_ros.console.scene import ArenaScene, label_heights
 from pa_ros.console.server import ConsoleServer
 from pa_ros.console.settings import ConsoleSettings
+from pa_ros.core.experience import Step
 from pa_ros.provenance import describe
 
 ARENA, DESIGN = preset_named("fast"), design_named("3-D")
@@ -33,7 +34,7 @@ def moments(count: int):
     task, about = ReachTask(ARENA, DESIGN, 2), describe(ARENA, DESIGN, 2, (), "arena")
     for episode in range(count):
         observation, _ = task.reset(episode)
-        yield Moment(about, observation, False, "")
+        yield Moment(about, Step(observation))
 
 
 def test_old_scenes_are_freed_at_once(no_collector, monkeypatch):

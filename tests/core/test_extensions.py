@@ -7,7 +7,7 @@ import pytest
 from pa_ros.cli.main import main
 from pa_ros.core import extensions
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.extensions import Registry
+from pa_ros.core.registry import Registry
 
 
 def test_items_are_found_in_the_order_of_registering() -> None:

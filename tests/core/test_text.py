@@ -4,7 +4,8 @@ import pytest
 import yaml
 
 from helpers.damage import WRONG_YAML
-from pa_ros.core.text import did_you_mean, read_yaml
+from pa_ros.core.text import did_you_mean
+from pa_ros.core.yaml_text import read_yaml
 
 
 @pytest.mark.parametrize("text", WRONG_YAML.values(), ids=WRONG_YAML.keys())

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent_node.inputs import ProgramBook
 from helpers import learners
 from helpers.damage import damaged, explore
 from helpers.learners import FACTS, LEARNER, ME, NETWORK, published
@@ -48,6 +47,7 @@ from pa_ros.wire.program import (
     encode_program,
     encode_program_status,
 )
+from pa_ros.wire.program_book import ProgramBook
 from pa_ros.wire.robot import decode_driver_joints
 from pa_ros.wire.services import decode_reset, decode_speed
 from pa_ros.wire.step import (

@@ -12,6 +12,7 @@ from helpers.worlds import dpg
 from pa_ros.core.update import HAND_INDEX, Batch
 from pa_ros.language import parse
 from pa_ros.language.vocabulary import Vocabulary
+from pa_ros.learning.algorithms.dpg.builder import fused_engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.native.engine import FusedEngine
 from pa_ros.networks.config import NetworkConfig
@@ -46,7 +47,7 @@ class Setting:
 
     def engine(self, **changes: object) -> FusedEngine:
         config = dpg(self.config, **changes)  # type: ignore[arg-type]
-        return FusedEngine(self.network, config, self.table, self.actor, self.critic)
+        return fused_engine(self.network, config, self.table, self.actor, self.critic)
 
     def reference(self) -> StraightforwardEngine:
         """The plain formulas, in float64."""

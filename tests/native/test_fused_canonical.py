@@ -7,7 +7,7 @@ import torch
 from helpers.worlds import dpg, objects_at, random_batch
 from pa_ros.core.update import Batch
 from pa_ros.language import Vocabulary, parse
-from pa_ros.learning.algorithms.dpg.builder import make_engine
+from pa_ros.learning.algorithms.dpg.builder import fused_engine, make_engine
 from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.algorithms.dpg.learner import TorchDPG
 from pa_ros.native.engine import FusedActor, FusedEngine
@@ -57,7 +57,7 @@ def both(
     given = config, dpg(CONFIG, **changes), programs  # type: ignore[arg-type]
     reference = dpg(CONFIG, engine__name="torch", engine__dtype="float64")
     return (
-        FusedEngine(*given, *tensors(config)),
+        fused_engine(*given, *tensors(config)),
         TorchDPG(config, reference, programs, *tensors(config)),
     )
 

@@ -37,7 +37,7 @@ class Executing:
         self.node.create_publisher.return_value = SimpleNamespace(publish=self.sent.append)
         self.node.subscribe = lambda topic, react: self.callbacks.update({topic.name: react})
 
-        def serve(node: Any, action: Any, start: Any, cancel: Any) -> None:
+        def serve(node: Any, refusals: Any, action: Any, start: Any, cancel: Any) -> None:
             self.start = start
 
         def every(node: Any, period_s: float, tick: Any) -> None:

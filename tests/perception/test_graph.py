@@ -60,7 +60,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_run_from_pictures_is_repeated_to_the_last_bit(recorded: Path) -> None:
     with Bag(recorded / "bag") as bag:
-        experience = Experience(bag)
+        experience = Experience.read(bag)
         assert len(experience.keys) > EPISODES  # an object was found within an episode
         found = verify(experience)
         sizes = {
@@ -75,8 +75,8 @@ def test_a_run_from_pictures_is_repeated_to_the_last_bit(recorded: Path) -> None
 def test_a_film_shows_blocks_that_were_only_seen_in_grey(recorded: Path) -> None:
     with Bag(recorded / "bag") as bag:
         episode, arena = next(iter(episodes(bag))), arenas_of(bag)[-1]
-    stage = Stage(episode, arena)
-    stage.show(episode.rows[-1])
+    stage = Stage(arena, episode.rows[0].step)
+    stage.show(episode.rows[-1].step)
     assert stage.task.verifier.named == ()
     table = top_view(stage.task, 200).reshape(-1, 3).astype(int)
     assert int(np.ptp(table, axis=1).max()) < 20, "no color but the table's"
@@ -118,7 +118,7 @@ def test_the_graph_learns_the_same_bits_from_pictures(recorded: Path, tmp_path: 
     assert arena.perception == load_agent(recorded).perception
     assert load_agent(tmp_path / "run").perception == arena.perception
     with Bag(recorded / "bag") as bag:
-        experience = Experience(bag)
+        experience = Experience.read(bag)
         learner = learner_of(experience)
         for one in experience.used(learner.network.world):
             if one.trajectory is not None and learner.counters.version < there.version:

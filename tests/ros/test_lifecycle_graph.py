@@ -13,19 +13,19 @@ from std_srvs.srv import SetBool
 
 from helpers.graph import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, User, graph
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.core.extensions import NodeSettings
 from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM, GoalServer
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import OK, WARN
 from pa_ros.ros.lifecycle import ManagedNode
+from pa_ros.ros.settings import NodeSettings
 
 pytestmark = pytest.mark.graph
 
 BURST = 20
 SPEAKER = f"""
 import sys
-from pa_ros.core.extensions import NodeSettings
+from pa_ros.ros.settings import NodeSettings
 from pa_ros.ros import topics
 from pa_ros.ros.lifecycle import ManagedNode
 from pa_ros.ros.node_main import run_node
@@ -74,7 +74,7 @@ class Small(ManagedNode):
         self._out = topics.OBJECT_FEATURES.publisher(self)
         topics.JOINT_COMMANDS.subscribe(self, lambda _: self._count())
         self.create_service(SetBool, "pause", lambda _, answer: answer)
-        GoalServer(self, EXECUTE_PROGRAM, lambda _: None, lambda _: None)
+        GoalServer(self, self.refusals, EXECUTE_PROGRAM, lambda _: None, lambda _: None)
         steady_timer(self, 0.001, self._tick)
         if self.config.number == 9:
             raise MissingError("checkpoint: expected one, found none")

@@ -109,7 +109,7 @@ def test_a_bad_link_that_is_cut_for_half_a_minute_loses_nothing_unsaid(three: Si
     assert accounts.keys() == {"arena1", "arena2"}
     assert way == "free" or (site.ledger["lost"] == 0 and not gaps(site))
     with Bag(bag) as opened:
-        found = verify(Experience(opened))
+        found = verify(Experience.read(opened))
     figures |= {"versions_equal": found.compared, "transitions_denied": found.altered}
     figures["said_after_s"], speeds = seen_there(there, cut, mended)
     figures |= {"steps_cut_off": len(speeds), "fastest_joint": max(speeds.values())}

@@ -37,7 +37,7 @@ def record(folder: Path) -> Path:
 def test_a_run_in_step_is_verified_from_its_first_step(bag):
     """One seed has one result: the learner's updates are computed again from the bag."""
     with Bag(bag) as opened:
-        experience = Experience(opened)
+        experience = Experience.read(opened)
         found = verify(experience)
     assert found.equal, (found.difference, found.incomplete, found.altered, found.named)
     assert all(version % 2 == 0 for version in experience.published)  # a round has two trajectories
@@ -47,7 +47,7 @@ def test_a_run_in_step_is_verified_from_its_first_step(bag):
 
 def test_every_process_says_what_it_is(bag):
     with Bag(bag) as opened:
-        origins = {origin.node: origin for origin in Experience(opened).origins}
+        origins = {origin.node: origin for origin in Experience.read(opened).origins}
     nodes = [f"/arena{number}/{name}_node" for number in (1, 2) for name in ("agent", "sim")]
     assert sorted(origins) == [*nodes, "/learner_node"]
     assert origins["/arena2/sim_node"].seed == 5

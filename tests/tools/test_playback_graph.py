@@ -229,5 +229,5 @@ def test_a_learner_fed_by_a_replayed_bag_learns_the_recorded_weights(tmp_path):
             wait_for(lambda: recorder.counts["/policy_weights"] == 5, "the last weights")
     live = {m.version: m.checksum for n, m in decoded(tmp_path / "live") if "weights" in n}
     with Bag(tmp_path / "bag") as bag:
-        recorded = {k: one.checksum for k, one in Experience(bag).published.items()}
+        recorded = {k: one.checksum for k, one in Experience.read(bag).published.items()}
     assert live == recorded and len(live) == 5

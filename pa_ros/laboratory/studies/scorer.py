@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from laboratory.studies.tables import read_rows, write_rows
-from pa_ros import __version__
 from pa_ros.agents import TrainedAgent
 from pa_ros.arena import ArenaConfig, Design, ReachTask, scoring_of
+from pa_ros.core import __version__
 from pa_ros.core.experience import Float64, Observation
 from pa_ros.evaluation.blind import BLIND, blind_policy
 from pa_ros.evaluation.evaluate import (

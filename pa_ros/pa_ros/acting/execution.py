@@ -1,4 +1,18 @@
-"""Whether a program was executed, according to the verdicts on an arena's steps."""
+"""Whether a program was executed, according to the verdicts on an arena's steps.
+
+Ten classes say "it is done", each from what the one before it says:
+
+Progress (language): the automaton of a goal, from which programs hold in each state.
+GoalWatch (world): the verdict on each state, from scores of programs; keeps a `Progress`.
+Verifier (arena): the score of one program in the true state.
+GoalVerifier (arena): the verdict on a goal in the true state; arena and robot publish it.
+OwnJudgement (acting): the same by the agent's estimate, where nobody judged the step.
+Judgement (evaluation): counts how often that estimate errs, for `pa_ros evaluate --judge`.
+ExecutionWatch (here): done once the verdicts held for `hold_s`, or the goal can't be reached.
+ProgramGoals (agent_node): ends a goal of the action with what an ExecutionWatch says.
+ProgramSender (tools): the same for a program that was published, where no agent takes goals.
+Goal (tools): done once the agent's answer has arrived; it judges nothing.
+"""
 
 from __future__ import annotations
 
@@ -39,6 +53,18 @@ class Execution:
         stage = at_stage(program, self.stage)
         when = f"{self.watched_s:.1f} s{', in ' if stage else ''}{stage}"
         return f"not satisfied: {ENDED[self.ended][1]}, after {when}{where}"
+
+
+@dataclass(frozen=True)
+class Result:
+    """The outcome of one program."""
+
+    program: str  # canonical text
+    success: bool  # satisfied at the end, for long enough
+    distance: float  # of the relation at the end; for NEAR in m, to the nearest named object
+    reached_s: float | None  # simulation time until it was satisfied for good; None: never
+    reason: str = ""  # why it was not reached
+    code: str = ""  # of the reason, such as goal.time_limit
 
 
 def window_s(goal: str) -> float:
@@ -87,7 +113,7 @@ class ExecutionWatch:
         self._episode, self._last_ns = seen.episode, seen.stamp_ns
         self.distance = verdict.distance if verdict else inf
         self.satisfied = verdict is not None and verdict.satisfied
-        self.stage = verdict.stage if verdict else 0
+        self.stage = step.stage
         if verdict is not None and verdict.violated:
             return self._finish("violated")
         if not self.satisfied:

@@ -12,7 +12,7 @@ from functools import lru_cache
 
 from pa_ros.arena.designs import Kind
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.extensions import Registry
+from pa_ros.core.registry import Registry
 from pa_ros.language.syntax import SIZE
 from pa_ros.world.schema import MIDDLE_EDGE_M, PLACE, SIZED
 

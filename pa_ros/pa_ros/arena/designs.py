@@ -9,7 +9,7 @@ from itertools import product
 from typing import Any
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.extensions import Registry
+from pa_ros.core.registry import Registry
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.world.relation import RELATIONS, SIDES
 from pa_ros.world.schema import COLORS, PAPER, PLACE, PUSHING, SIZED, ObjectSchema

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Final, Self
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,6 @@ from pa_ros.core.experience import Float32, Float64, Observation, Step
 from pa_ros.wire.learning import decode_trajectory
 from pa_ros.wire.step import Command, decode_command, decode_step
 from pa_ros.world import Trajectory
-from pa_ros.world.schema import POSE
 
 FEATURES: Final = "msgs_schema/msg/ObjectFeatures"
 COMMAND: Final = "msgs_schema/msg/JointCommand"
@@ -26,41 +25,22 @@ _COMPLETE_AFTER: Final = 20  # rows of the next episode: by then all of the one 
 
 @dataclass
 class Row:
-    """One control step. What the recording does not contain is NaN or empty."""
+    """A recorded control step, and the action that answered it."""
 
-    step: int
-    stamp_ns: int  # simulation time; -1: not recorded
-    objects: Float32  # [N, F], in the order of the world's schema
-    hand_index: int
-    program: str  # in force; empty: none
-    joint_position: Float64 = field(default_factory=lambda: np.empty(0))  # [J] rad
-    joint_velocity: Float64 = field(default_factory=lambda: np.empty(0))  # [J] rad/s
-    action: Float32 = field(default_factory=lambda: np.empty(0, np.float32))  # [J]
-    hand_pose: Float64 = field(default_factory=lambda: np.full(7, np.nan))  # in the base frame
-    policy_version: int = -1  # of the weights that chose the action
-    reward: float = float("nan")  # of this row's state
-    distance: float = float("nan")  # m, to the nearest object that the program names
-    stage: int = 0  # of a goal over time: which of its programs is pursued
-    satisfied: bool | None = None  # None: not recorded
-
-    @classmethod
-    def of(cls, seen: Observation, program: str) -> Self:
-        """The row of an observation, with the program in force."""
-        return cls(
-            seen.step,
-            seen.stamp_ns,
-            seen.objects,
-            seen.hand_index,
-            program,
-            seen.joint_position,
-            seen.joint_velocity,
-            hand_pose=seen.hand_pose,
-        )
+    step: Step
+    reward: float  # of the step's state; NaN: not recorded
+    action: Float32 = field(default_factory=lambda: np.empty(0, np.float32))  # [J]; []: none
+    policy_version: int = -1  # of the weights that chose the action; -1: not recorded
 
     @property
-    def looks(self) -> bytes:
-        """The objects' features without their poses: equal for scenes of the same objects."""
-        return np.ascontiguousarray(self.objects[:, len(POSE) :]).tobytes()
+    def seen(self) -> Observation:
+        """What was observed."""
+        return self.step.observation
+
+    @property
+    def distance(self) -> float:
+        """To the nearest object that the program names (m); NaN: nobody judged the step."""
+        return self.step.verdict.distance if self.step.verdict is not None else np.nan
 
 
 @dataclass
@@ -74,36 +54,36 @@ class RecordedEpisode:
     @property
     def rewards(self) -> Float64:
         """Recorded rewards of the steps taken: all rows but the first."""
-        values = np.array([row.reward for row in self.rows if row.step > 0])
+        values = np.array([row.reward for row in self.rows if row.seen.step > 0])
         return values[~np.isnan(values)] if len(values) else values
 
     @property
     def missing(self) -> int:
         """Control steps between the first and the last that are not recorded."""
-        steps = [row.step for row in self.rows]
+        steps = [row.seen.step for row in self.rows]
         return steps[-1] - steps[0] + 1 - len(set(steps)) if steps else 0
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the rows as arrays by name; the first axis is the row. Units: docs/bags.md."""
-        rows = self.rows
-        stamps = [row.stamp_ns / 1e9 if row.stamp_ns >= 0 else np.nan for row in rows]
+        """The rows as arrays by name; the first axis is the row. Units: docs/bags.md."""
+        rows, seen = self.rows, [row.seen for row in self.rows]
+        stamps = [one.stamp_ns / 1e9 if one.stamp_ns >= 0 else np.nan for one in seen]
         return {
-            "step": np.array([row.step for row in rows]),
+            "step": np.array([one.step for one in seen]),
             "stamp_s": np.array(stamps),
-            "objects": _padded([row.objects for row in rows]),
-            "joint_position": _stacked([row.joint_position for row in rows]),
-            "joint_velocity": _stacked([row.joint_velocity for row in rows]),
+            "objects": _padded([one.objects for one in seen]),
+            "joint_position": np.stack([one.joint_position for one in seen]),
+            "joint_velocity": np.stack([one.joint_velocity for one in seen]),
             "action": _stacked([row.action for row in rows]),
             "policy_version": np.array([row.policy_version for row in rows]),
             "reward": np.array([row.reward for row in rows]),
             "distance": np.array([row.distance for row in rows]),
-            "stage": np.array([row.stage for row in rows]),
-            "program": np.array([row.program for row in rows]),
+            "stage": np.array([row.step.stage for row in rows]),
+            "program": np.array([row.step.program for row in rows]),
         }  # fmt: skip
 
 
 def _padded(rows: Sequence[Float32]) -> Float32:
-    """Return the objects as [T, N, F] with the largest N; NaN where a row has fewer objects."""
+    """The objects as [T, N, F] with the largest N; NaN where a row has fewer objects."""
     padded = np.full((len(rows), max(map(len, rows)), rows[0].shape[1]), np.nan, np.float32)
     for into, row in zip(padded, rows, strict=True):
         into[: len(row)] = row
@@ -111,13 +91,13 @@ def _padded(rows: Sequence[Float32]) -> Float32:
 
 
 def _stacked(rows: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Return rows as one array [T, J]; NaN for rows that are empty."""
+    """Rows as one array [T, J]; NaN for rows that are empty."""
     width = max(map(len, rows))
     return np.stack([row if len(row) else np.full(width, np.nan, row.dtype) for row in rows])
 
 
 def episodes(bag: Bag, namespace: str | None = None) -> Iterator[RecordedEpisode]:
-    """Return the episodes in recorded order; from transitions if the steps are not recorded.
+    """The episodes in recorded order; from transitions if the steps are not recorded.
 
     Raises BagError (code bag.foreign) if the bag has neither.
     """
@@ -141,7 +121,7 @@ def _from_transitions(bag: Bag, namespace: str | None) -> Iterator[RecordedEpiso
         continues = (
             episode is not None
             and episode.number == trajectory.episode
-            and episode.rows[-1].step == trajectory.first_step
+            and episode.rows[-1].seen.step == trajectory.first_step
         )
         if episode is None or not continues:
             if episode is not None:
@@ -153,24 +133,28 @@ def _from_transitions(bag: Bag, namespace: str | None) -> Iterator[RecordedEpiso
         for t in range(len(trajectory)):
             before = episode.rows[-1]
             before.action, before.policy_version = trajectory.actions[t], trajectory.policy_version
-            following = _row(trajectory, t + 1, world.joints)
-            following.reward = float(trajectory.rewards[t])
-            episode.rows.append(following)
+            episode.rows.append(_row(trajectory, t + 1, world.joints))
     yield from open_.values()
 
 
 def _row(trajectory: Trajectory, t: int, joints: int) -> Row:
+    """The state before transition `t`. Transitions tell neither its time, -1, nor the hand's pose,
+    zeros."""
     arm = trajectory.arm[t][: 3 * joints].astype(np.float64)
     sine, cosine, velocity = np.split(arm, 3)
-    return Row(
-        trajectory.first_step + t,
-        -1,
-        trajectory.objects[t],
-        trajectory.hand_index,
-        str(trajectory.program),
-        np.arctan2(sine, cosine),
-        velocity,
+    seen = Observation(
+        episode=trajectory.episode,
+        step=trajectory.first_step + t,
+        stamp_ns=-1,
+        objects=trajectory.objects[t],
+        joint_position=np.arctan2(sine, cosine),
+        joint_velocity=velocity,
+        hand_index=trajectory.hand_index,
+        program_id="",
+        hand_pose=np.zeros(7),
     )
+    reward = float(trajectory.rewards[t - 1]) if t else np.nan
+    return Row(Step(seen, program=str(trajectory.program)), reward)
 
 
 def _from_steps(bag: Bag, namespace: str | None) -> Iterator[RecordedEpisode]:
@@ -204,13 +188,10 @@ class _Builder:
             step.evaluation,
         )
         # An arena that is reset to the same episode counts its steps from 0 again.
-        if newest is None or not same or seen.step <= newest.rows[-1].step:
+        if newest is None or not same or seen.step <= newest.rows[-1].seen.step:
             newest = RecordedEpisode(seen.episode, step.evaluation)
             self._open.append(newest)
-        row = Row.of(seen, step.program)
-        if step.verdict is not None:
-            row.reward, row.distance = step.verdict.reward, step.verdict.distance
-            row.stage, row.satisfied = step.verdict.stage, step.verdict.satisfied
+        row = Row(step, step.verdict.reward if step.verdict is not None else np.nan)
         newest.rows.append(row)
         self._rows[seen.stamp_ns] = row
         if seen.stamp_ns in self._early:
@@ -232,5 +213,5 @@ class _Builder:
         ):
             episode = self._open.pop(0)
             for row in episode.rows:
-                self._rows.pop(row.stamp_ns, None)
+                self._rows.pop(row.seen.stamp_ns, None)
             yield episode

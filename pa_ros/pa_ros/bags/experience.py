@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Final, TypeVar
+from functools import cached_property, partial
+from typing import Final, Self, TypeVar
 
 from pa_ros.bags.errors import BagError, ProvenanceError
 from pa_ros.bags.reader import Bag
@@ -56,21 +56,30 @@ class UsedTrajectory:
 _BEGINNING: Final = RecordedWeights(0, "", "", {}, None)  # before anything was learned
 
 
+@dataclass(frozen=True, eq=False)
 class Experience:
-    """The learning recorded in one bag."""
+    """The learning recorded in one bag; `read` makes one of a bag."""
 
-    def __init__(self, bag: Bag, namespace: str | None = None) -> None:
-        """Raises BagError (code bag.foreign) if the bag contains no transitions."""
-        self._bag = bag
-        self._topic = bag.topic_of(TRAJECTORIES, namespace)
-        self.origins = _decoded(bag, PROVENANCE, namespace, decode_provenance)
-        self.arenas = arenas_of(bag, namespace)
-        self._agents_in_order = self._fixed_order()
-        self.published = self._published(namespace)  # weights by version
-        # Trajectories in recorded order, each once: an agent may send one again.
-        self.keys = list(dict.fromkeys(bag.decoded([self._topic], decode_trajectory_key)))
-        if not self.keys:
+    bag: Bag
+    topic: str  # of the transitions
+    origins: list[Origin]
+    arenas: list[ArenaDescription]
+    published: dict[int, RecordedWeights]  # by version
+    keys: list[TrajectoryKey]  # in recorded order, each once: an agent may send one again
+
+    @classmethod
+    def read(cls, bag: Bag, namespace: str | None = None) -> Self:
+        """Read all of a bag but the transitions themselves.
+
+        Raises BagError (code bag.foreign) if it contains no transitions.
+        """
+        topic = bag.topic_of(TRAJECTORIES, namespace)
+        origins = _decoded(bag, PROVENANCE, namespace, decode_provenance)
+        arenas, published = arenas_of(bag, namespace), _published(bag, namespace, origins)
+        keys = list(dict.fromkeys(bag.decoded([topic], decode_trajectory_key)))
+        if not keys:
             raise BagError(f"bag: {bag.path}: expected transitions, got none", code="bag.foreign")
+        return cls(bag, topic, origins, arenas, published, keys)
 
     @property
     def learner(self) -> Origin:
@@ -79,13 +88,13 @@ class Experience:
         runs = {origin.instance for origin in found}
         if len(runs) != 1:
             raise ProvenanceError(
-                f"bag: {self._bag.path}: expected the provenance of one learner, got {len(runs)}: "
+                f"bag: {self.bag.path}: expected the provenance of one learner, got {len(runs)}: "
                 "it is not known how this run was made"
             )
         return found[0]
 
     def arena_of(self, agent_id: str) -> ArenaDescription | None:
-        """Return an agent's arena: the only one, or that of its namespace; None if not known."""
+        """An agent's arena: the only one, or that of its namespace; None if not known."""
         places = {_namespace(one) for one in self.origins if one.instance == agent_id}
         beside = {one.instance for one in self.origins if _namespace(one) in places}
         found = {arena.arena_id: arena for arena in self.arenas}
@@ -99,7 +108,7 @@ class Experience:
         rules = {(one.world.relations, one.thresholds, one.reward) for one in self.arenas}
         if len(rules) != 1:
             raise ProvenanceError(
-                f"bag: {self._bag.path}: expected arenas with one set of thresholds and one "
+                f"bag: {self.bag.path}: expected arenas with one set of thresholds and one "
                 f"reward, got {sorted(rules)}: it is not known what was rewarded"
             )
         relations, thresholds, reward = rules.pop()
@@ -126,7 +135,7 @@ class Experience:
         """
         there, read = set(self.keys), dict[TrajectoryKey, Trajectory]()
         decode = partial(decode_trajectory, world=world)
-        trajectories = self._bag.decoded([self._topic], decode)
+        trajectories = self.bag.decoded([self.topic], decode)
         for key, version in self._order():
             # The recording has trajectories as they arrived; those that come before their turn wait
             # here.
@@ -138,7 +147,7 @@ class Experience:
             yield UsedTrajectory(key, read.pop(key, None), version)
 
     def _order(self) -> list[tuple[TrajectoryKey, int | None]]:
-        """Return the trajectories in the learner's order, with the version that each led to."""
+        """The trajectories in the learner's order, with the version that each led to."""
         left = dict.fromkeys(self.keys)
         order: list[tuple[TrajectoryKey, int | None]] = []
         first = [one.learner.first_version for one in self.origins if one.learner is not None]
@@ -153,7 +162,7 @@ class Experience:
     def _between(
         self, left: Mapping[TrajectoryKey, None], before: int, version: int
     ) -> list[TrajectoryKey]:
-        """Return what led from one recorded version to the next, in order.
+        """What led from one recorded version to the next, in order.
 
         The last trajectory is named in the weights. Those before it, which led to versions that
         were not recorded, follow from the counts of used trajectories.
@@ -172,8 +181,9 @@ class Experience:
             within = in_fixed_order(within, self._agents_in_order, before)
         return within[: version - before - len(last)] + last
 
-    def _fixed_order(self) -> tuple[str, ...]:
-        """Return the agents in the order in which the learner took them; empty: as they arrived."""
+    @cached_property
+    def _agents_in_order(self) -> tuple[str, ...]:
+        """The agents in the order in which the learner took them; empty: as they arrived."""
         for origin in self.origins:
             if origin.learner is not None and "agents" in origin.parameters:
                 config = ALGORITHMS[origin.learner.algorithm].config
@@ -181,16 +191,6 @@ class Experience:
                 exact = settings.schedule.in_step == "exact"
                 return tuple(map(str, origin.parameters["agents"])) if exact else ()
         return ()
-
-    def _published(self, namespace: str | None) -> dict[int, RecordedWeights]:
-        """Return the recorded weights by version, of the run that the provenance describes."""
-        runs = {origin.instance for origin in self.origins if origin.learner is not None}
-        found: dict[int, RecordedWeights] = {}
-        for one in _decoded(self._bag, WEIGHTS, namespace, _recorded_weights):
-            if not runs or one.run_id in runs:
-                if one.version not in found or one.latest is not None:
-                    found[one.version] = one
-        return found
 
 
 @dataclass
@@ -242,19 +242,19 @@ def learn(
 
 
 def arenas_of(bag: Bag, namespace: str | None = None) -> list[ArenaDescription]:
-    """Return the arenas' descriptions in recorded order."""
+    """The arenas' descriptions in recorded order."""
     return _decoded(bag, ARENA_INFO, namespace, decode_arena_info)
 
 
 def newest_arena(bag: Bag, namespace: str | None = None) -> ArenaDescription:
-    """Return the arena's newest description. Raises ProvenanceError without any."""
+    """The arena's newest description. Raises ProvenanceError without any."""
     if arenas := arenas_of(bag, namespace):
         return arenas[-1]
     raise ProvenanceError(f"bag: {bag.path}: expected an arena's description, got none")
 
 
 def recorded_world(bag: Bag, namespace: str | None = None) -> World:
-    """Return the world of a recording. Raises ProvenanceError if it does not describe one."""
+    """The world of a recording. Raises ProvenanceError if it does not describe one."""
     for arena in arenas_of(bag, namespace):
         return arena.world
     for origin in _decoded(bag, PROVENANCE, namespace, decode_provenance):
@@ -266,6 +266,19 @@ def recorded_world(bag: Bag, namespace: str | None = None) -> World:
     )
 
 
+def _published(
+    bag: Bag, namespace: str | None, origins: Iterable[Origin]
+) -> dict[int, RecordedWeights]:
+    """The recorded weights by version, of the run that the provenance describes."""
+    runs = {origin.instance for origin in origins if origin.learner is not None}
+    found: dict[int, RecordedWeights] = {}
+    for one in _decoded(bag, WEIGHTS, namespace, _recorded_weights):
+        if not runs or one.run_id in runs:
+            if one.version not in found or one.latest is not None:
+                found[one.version] = one
+    return found
+
+
 def _namespace(origin: Origin) -> str:
     return origin.node.rpartition("/")[0]
 
@@ -273,7 +286,7 @@ def _namespace(origin: Origin) -> str:
 def _decoded(
     bag: Bag, type_name: str, namespace: str | None, decode: Callable[[Message], T]
 ) -> list[T]:
-    """Return the decoded messages of a type; none if the bag has no such topic."""
+    """The decoded messages of a type; none if the bag has no such topic."""
     if type_name not in bag.types.values():
         return []
     # In a fleet each arena has its own topics of these types.

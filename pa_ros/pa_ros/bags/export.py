@@ -99,5 +99,5 @@ def _line(name: str, episode: RecordedEpisode) -> tuple[object, ...]:
     rewards = episode.rewards
     mean = f"{rewards.mean():.6g}" if len(rewards) else ""
     steps = len(episode.rows) - 1
-    program = episode.rows[-1].program
+    program = episode.rows[-1].step.program
     return name, episode.number, episode.evaluation, steps, episode.missing, mean, program

@@ -15,65 +15,62 @@ from pa_ros.arena.episodes import Block, Episode
 from pa_ros.arena.movie import Picture, captioned, check_movie, write_movie
 from pa_ros.arena.render import draw
 from pa_ros.bags.episodes import RecordedEpisode, Row
-from pa_ros.bags.errors import BagError
-from pa_ros.core.experience import Float32, Float64
+from pa_ros.core.experience import Float32, Float64, Observation, Step
 from pa_ros.language import parse, parse_goal, stages
 from pa_ros.language.errors import ProgramError
 from pa_ros.language.syntax import SIZE
 from pa_ros.wire.arena import ArenaDescription
 from pa_ros.world.relation import at_stage, measured
-from pa_ros.world.schema import MIDDLE_EDGE_M, ObjectSchema
+from pa_ros.world.schema import MIDDLE_EDGE_M, POSE, ObjectSchema
 
 
 class Stage:
     """A scene that shows recorded states. Nothing is simulated."""
 
-    def __init__(self, episode: RecordedEpisode, arena: ArenaDescription) -> None:
-        """Raises BagError if a row lacks the joints' positions."""
-        if not episode.rows or not len(episode.rows[0].joint_position):
-            raise BagError(f"film: episode {episode.number}: its joint positions are not recorded")
+    def __init__(self, arena: ArenaDescription, step: Step) -> None:
+        """The scene of one of the arena's steps."""
         config = preset_named(arena.preset, arena.arm).changed(episode_steps=arena.episode_steps)
         design = design_named(arena.design).with_relations(*arena.world.relations)
         self.task = ReachTask(config, design, arena.seed)
         self._shown: tuple[str, int] | None = None  # the recorded program in force, its stage
         self._schema = arena.world.schema
-        self._vocabulary, self._number = self.task.design.vocabulary, episode.number
-        self._furnish(episode.rows[0], episode.rows[0].joint_position)
+        self._vocabulary = self.task.design.vocabulary
+        self._furnish(step.observation, step.observation.joint_position)
 
-    def _furnish(self, row: Row, arm: Float64) -> None:
-        """Set up a row's blocks, with no recorded program in force yet."""
+    def _furnish(self, seen: Observation, arm: Float64) -> None:
+        """Set up an observation's blocks, with no recorded program in force yet."""
         blocks = tuple(
             _block(features, self._schema, self.task.design)
-            for i, features in enumerate(row.objects)
-            if i != row.hand_index
+            for i, features in enumerate(seen.objects)
+            if i != seen.hand_index
         )
         word, start = self._vocabulary.words[0], tuple(arm.tolist())
         anything = f"{self._vocabulary.relations[0]}(HAND, OR({word}, NOT({word})))"
         program = parse(anything, self._vocabulary)
-        self.task.reset_to(Episode(self._number, "train", blocks, start, program))
-        self._looks, self._shown = row.looks, None
+        self.task.reset_to(Episode(seen.episode, "train", blocks, start, program))
+        self._looks, self._shown = looks(seen), None
 
-    def show(self, row: Row) -> None:
-        """Put arm and blocks where a row says."""
-        if row.looks != self._looks:
-            self._furnish(row, self.task.simulation.joint_position)
+    def show(self, step: Step) -> None:
+        """Put arm and blocks where a step says."""
+        seen = step.observation
+        if looks(seen) != self._looks:
+            self._furnish(seen, self.task.simulation.joint_position)
         data, model = self.task.simulation.data, self.task.simulation.model
         joints = self.task.config.joints
-        if len(row.joint_position):
-            data.qpos[:joints] = row.joint_position
+        data.qpos[:joints] = seen.joint_position
         mujoco.mj_kinematics(model, data)
         hand = model.body("hand").id
         rotation, origin = data.xmat[hand].reshape(3, 3), data.xpos[hand]
-        blocks = np.delete(row.objects.astype(np.float64), row.hand_index, axis=0)
+        blocks = np.delete(seen.objects.astype(np.float64), seen.hand_index, axis=0)
         for i, block in enumerate(blocks):
             turn = np.zeros(4)
             mujoco.mju_mulQuat(turn, data.xquat[hand], np.roll(block[3:7], 1))
             self.task.simulation.put(i, origin + rotation @ block[:3], turn)
         mujoco.mj_kinematics(model, data)
-        if (row.program, row.stage) != self._shown or self.task.program.compares:
-            self._shown = row.program, row.stage
+        if (step.program, step.stage) != self._shown or self.task.program.compares:
+            self._shown = step.program, step.stage
             try:
-                pursued = stages(parse_goal(row.program, self._vocabulary))[row.stage]
+                pursued = stages(parse_goal(step.program, self._vocabulary))[step.stage]
                 self.task.set_program(pursued)
                 named = self._schema.tells_words  # else blocks are only seen
             except (ProgramError, IndexError):  # no program is in force, or its text is unrecorded
@@ -90,6 +87,11 @@ class _SeenBlock(Block):
         return Look()
 
 
+def looks(seen: Observation) -> bytes:
+    """The objects' features without their poses: equal for scenes of the same objects."""
+    return np.ascontiguousarray(seen.objects[:, len(POSE) :]).tobytes()
+
+
 def film(
     episode: RecordedEpisode, arena: ArenaDescription, path: Path, rendered: bool, side_px: int
 ) -> int:
@@ -98,7 +100,7 @@ def film(
     `rendered`: in perspective instead of from above. Raises RenderError without OpenGL.
     """
     check_movie(path)
-    pictures = _pictures(episode, Stage(episode, arena), rendered, side_px)
+    pictures = _pictures(episode, Stage(arena, episode.rows[0].step), rendered, side_px)
     return write_movie(path, pictures, arena.control_period)
 
 
@@ -106,24 +108,24 @@ def _pictures(
     episode: RecordedEpisode, stage: Stage, rendered: bool, side_px: int
 ) -> Iterator[Picture]:
     for row in episode.rows:
-        stage.show(row)
+        stage.show(row.step)
         yield captioned(draw(stage.task, side_px, rendered), _caption(row))
 
 
 def _caption(row: Row) -> tuple[str, str]:
-    """Return the program, and the step with its reward and distance where these are recorded."""
-    parts = [f"step {row.step}"]
+    """The program, and the step with its reward and distance where these are recorded."""
+    step, parts = row.step, [f"step {row.seen.step}"]
     if np.isfinite(row.reward):
         parts.append(f"reward {row.reward:+.2f}")
     if np.isfinite(row.distance):
-        parts.append(f"distance {measured(row.program, row.distance, row.stage)}")
-    if stage := at_stage(row.program, row.stage):
+        parts.append(f"distance {measured(step.program, row.distance, step.stage)}")
+    if stage := at_stage(step.program, step.stage):
         parts.append(stage)
-    return row.program or "no program", "   ".join(parts)
+    return step.program or "no program", "   ".join(parts)
 
 
 def _block(features: Float32, schema: ObjectSchema, design: Design) -> Block:
-    """Return a recorded object as a block, without its pose."""
+    """A recorded object as a block, without its pose."""
     has = dict(zip(schema.slices, schema.has(features), strict=True))
     if not all(has[group].any() for group in design.values):
         return _SeenBlock(design.train[0], 0.0, 0.0, 0.0)

@@ -17,7 +17,7 @@ from rosbags.typesys.store import Typestore
 
 from pa_ros.bags.errors import BagError
 from pa_ros.core.files import take_lock, write_whole
-from pa_ros.core.text import read_yaml
+from pa_ros.core.yaml_text import read_yaml
 
 BAG_VERSION: Final = 9  # of rosbag2's metadata, as ROS 2 Jazzy writes it
 DISTRIBUTION: Final = "jazzy"
@@ -70,13 +70,13 @@ class FileContents:
 
 
 def topic(store: Typestore, name: str, type_name: str, qos: Iterable[Qos] = ()) -> BagTopic:
-    """Return a topic whose type the store knows."""
+    """A topic whose type the store knows."""
     definition, _ = store.generate_msgdef(type_name, ros_version=2)
     return BagTopic(name, type_name, definition, store.hash_rihs01(type_name), tuple(qos))
 
 
 def reliable_qos(depth: int, latched: bool = False, keep_all: bool = False) -> Qos:
-    """Return a reliable profile in rosbag2's form."""
+    """A reliable profile in rosbag2's form."""
     return Qos(
         history=QosHistory.KEEP_ALL if keep_all else QosHistory.KEEP_LAST,
         depth=depth,
@@ -95,7 +95,7 @@ def information(
     files: Iterable[FileContents],
     custom: Mapping[str, str],
 ) -> dict[str, Any]:
-    """Return `rosbag2_bagfile_information` as `ros2 bag info` of Jazzy reads it."""
+    """`rosbag2_bagfile_information` as `ros2 bag info` of Jazzy reads it."""
     files = list(files)
     filled = [file for file in files if file.total]
     first = min((file.first_ns for file in filled), default=0)
@@ -137,7 +137,7 @@ def information(
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:
-    """Return `rosbag2_bagfile_information` of a folder's metadata.yaml; empty without one.
+    """`rosbag2_bagfile_information` of a folder's metadata.yaml; empty without one.
 
     Raises ValueError if the file is not YAML, OSError if it cannot be read.
     """
@@ -150,7 +150,7 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 
 
 def custom_data(about: Mapping[str, Any]) -> dict[str, str]:
-    """Return custom_data of a bag's metadata; empty if there is none."""
+    """`custom_data` of a bag's metadata; empty if there is none."""
     custom = about.get("custom_data")
     return {str(k): str(v) for k, v in custom.items()} if isinstance(custom, dict) else {}
 
@@ -162,12 +162,12 @@ def write_metadata(folder: Path, content: dict[str, Any]) -> None:
 
 
 def repair_command(folder: Path) -> str:
-    """Return the shell command that repairs a bag."""
+    """The shell command that repairs a bag."""
     return f"`pa_ros record --repair {shlex.quote(str(folder))}`"
 
 
 def damaged(path: Path, reason: object) -> BagError:
-    """Return the error for a bag whose content is not what its format says."""
+    """The error for a bag whose content is not what its format says."""
     return BagError(f"bag: {path}: {' '.join(str(reason).split())}", code="bag.damaged")
 
 

@@ -75,11 +75,12 @@ def export_lerobot(
             cut.append(episode.number)
     if not chosen:
         raise BagError(
-            f"export: expected steps with joints and actions, got none in episodes {cut}",
+            f"export: expected steps with actions, got none in episodes {cut}",
             code="bag.foreign",
         )
-    objects = max(len(row.objects) for episode in chosen for row in episode.rows)
-    tasks = {t: k for k, t in enumerate(dict.fromkeys(r.program for e in chosen for r in e.rows))}
+    objects = max(len(row.seen.objects) for episode in chosen for row in episode.rows)
+    programs = dict.fromkeys(row.step.program for episode in chosen for row in episode.rows)
+    tasks = {program: k for k, program in enumerate(programs)}
     start, rows, frames_of = 0, list[dict[str, Any]](), list[Columns]()
     for number, episode in enumerate(chosen):
         columns = _columns(episode, objects) | _indices(episode, number, start, fps, tasks)
@@ -87,7 +88,7 @@ def export_lerobot(
         statistics = {name: _statistics(values) for name, values in columns.items()}
         row = {
             "episode_index": number,
-            "tasks": [*dict.fromkeys(row.program for row in episode.rows[:-1])],
+            "tasks": [*dict.fromkeys(row.step.program for row in episode.rows[:-1])],
             "length": frames,
             "dataset_from_index": start,
             "dataset_to_index": start + frames,
@@ -153,18 +154,18 @@ def _indices(
         "frame_index": np.arange(frames),
         "episode_index": np.full(frames, number),
         "index": np.arange(start, start + frames),
-        "task_index": np.array([tasks[row.program] for row in episode.rows[:-1]]),
+        "task_index": np.array([tasks[row.step.program] for row in episode.rows[:-1]]),
     }
 
 
 def _parts(episode: RecordedEpisode) -> list[RecordedEpisode]:
-    """The parts in which no step is missing and each but the last has joints and an action."""
+    """The parts in which no step is missing and each but the last has an action."""
     parts: list[list[Row]] = [[]]
     for row in episode.rows:
-        if parts[-1] and row.step != parts[-1][-1].step + 1:
+        if parts[-1] and row.seen.step != parts[-1][-1].seen.step + 1:
             parts.append([])
         parts[-1].append(row)
-        if not (len(row.action) and len(row.joint_position)):
+        if not len(row.action):
             parts.append([])
     return [replace(episode, rows=rows) for rows in parts if len(rows) > 1]
 
@@ -172,11 +173,11 @@ def _parts(episode: RecordedEpisode) -> list[RecordedEpisode]:
 def _columns(episode: RecordedEpisode, objects: int) -> Columns:
     """The frames of an episode; absent blocks are zero."""
     taken, following = episode.rows[:-1], episode.rows[1:]
-    width = taken[0].objects.shape[1]
+    width = taken[0].seen.objects.shape[1]
     environment = np.zeros((len(taken), objects, width), np.float32)
     for into, row in zip(environment, taken, strict=True):
-        into[: len(row.objects)] = row.objects
-    state = [np.concatenate([row.joint_position, row.joint_velocity]) for row in taken]
+        into[: len(row.seen.objects)] = row.seen.objects
+    state = [np.concatenate([row.seen.joint_position, row.seen.joint_velocity]) for row in taken]
     columns = {
         "observation.state": np.array(state, np.float32),
         "observation.environment_state": environment.reshape(len(taken), -1),
@@ -225,11 +226,11 @@ def _film(
     path: Path, episode: RecordedEpisode, arena: ArenaDescription, side_px: int
 ) -> dict[str, list[Any]]:
     """Write the film of an episode's frames; returns the statistics of a tenth of its pictures."""
-    stage, sampled = Stage(episode, arena), list[NDArray[Any]]()
+    stage, sampled = Stage(arena, episode.rows[0].step), list[NDArray[Any]]()
 
     def pictures() -> Iterable[NDArray[np.uint8]]:
         for k, row in enumerate(episode.rows[:-1]):
-            stage.show(row)
+            stage.show(row.step)
             picture = draw(stage.task, side_px, rendered=False)
             if k % 10 == 0:
                 sampled.append(picture.reshape(-1, 3) / 255.0)

@@ -15,7 +15,6 @@ from rosbags.rosbag2.reader import DirectoryReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from pa_ros import __version__
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.format import (
     METADATA,
@@ -27,6 +26,7 @@ from pa_ros.bags.format import (
     repair_command,
 )
 from pa_ros.bags.repair import storage_files
+from pa_ros.core import __version__
 from pa_ros.wire import Message
 from pa_ros.wire.definitions import hash_of, installed_types
 
@@ -98,7 +98,7 @@ class Bag:
         return max(0, int(self._reader.duration) - 1) / 1e9
 
     def qos(self, topic: str) -> list[Qos]:
-        """Return the profiles that the topic's publishers offered."""
+        """The profiles that the topic's publishers offered."""
         found: list[Qos] = []
         for entry in self._connections[topic]:
             if isinstance(entry.ext, ConnectionExtRosbag2):
@@ -106,12 +106,12 @@ class Bag:
         return found
 
     def topics_of(self, type_name: str, namespace: str | None = None) -> list[str]:
-        """Return the topics of a type, below a namespace if one is given."""
+        """The topics of a type, below a namespace if one is given."""
         below = _below(namespace)
         return [n for n, t in self.types.items() if t == type_name and n.startswith(below)]
 
     def topic_of(self, type_name: str, namespace: str | None = None) -> str:
-        """Return the one topic of a type, below a namespace if one is given.
+        """The one topic of a type, below a namespace if one is given.
 
         Raises BagError (code bag.foreign) if there are none or several.
         """
@@ -155,7 +155,7 @@ class Bag:
             raise damaged(self.path, f"unreadable after {count} messages: {error}") from error
 
     def deserialize(self, recorded: Recorded) -> Message:
-        """Return the message as an object, by the definition in the bag. Raises BagError."""
+        """The message as an object, by the definition in the bag. Raises BagError."""
         try:
             store = self._store(recorded.topic)
             return Message(store.deserialize_cdr(recorded.payload, recorded.type_name))
@@ -172,7 +172,7 @@ class Bag:
             yield decode(self.deserialize(recorded))
 
     def _store(self, topic: str) -> Typestore:
-        """Return the types of a topic as the bag defines them, or else as installed."""
+        """The types of a topic as the bag defines them, or else as installed."""
         if topic not in self._stores:
             entry = self._connections[topic][0]
             store = _installed()
@@ -212,7 +212,7 @@ def _below(namespace: str | None) -> str:
 
 
 def _connections(reader: Reader) -> dict[str, list[Connection]]:
-    """Return the connections of each topic as the storage files state them.
+    """The connections of each topic as the storage files state them.
 
     rosbags skips messages whose connection differs from what metadata.yaml says, so its own list is
     used only for topics without messages. Raises ValueError if metadata.yaml counts other messages

@@ -78,7 +78,7 @@ def repair(folder: Path) -> Repaired:
 
 
 def storage_files(folder: Path) -> list[Path]:
-    """Return a bag's storage files. Raises BagError if there are none."""
+    """A bag's storage files. Raises BagError if there are none."""
     if not folder.is_dir():
         raise BagError(f"bag: {folder}: expected a folder, found none")
     found = sorted(path for path in folder.iterdir() if path.suffix in _SUFFIXES and path.is_file())
@@ -88,7 +88,7 @@ def storage_files(folder: Path) -> list[Path]:
 
 
 def contents_of(path: Path) -> tuple[list[BagTopic], FileContents]:
-    """Return topics and counts of one finished file. Raises BagError if it cannot be read."""
+    """Topics and counts of one finished file. Raises BagError if it cannot be read."""
     reader = McapReader(path)
     try:
         reader.open()
@@ -138,7 +138,7 @@ def _finish_mcap(path: Path) -> str:
 
 
 def _is_whole(path: Path) -> bool:
-    """Return whether a file has an index, and all its records can be read."""
+    """Whether a file has an index, and all its records can be read."""
     try:
         contents_of(path)
         with path.open("rb") as file:

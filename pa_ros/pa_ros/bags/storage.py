@@ -89,7 +89,7 @@ class McapStorage:
         self._writer.flush()
 
     def size(self) -> int:
-        """Return the bytes in the file so far."""
+        """The bytes in the file so far."""
         return self._file.tell()
 
     def close(self, information: dict[str, Any]) -> None:

@@ -36,13 +36,13 @@ class Group:
         self.missing += episode.missing
         if len(episode.rewards):
             self.rewards.append(float(episode.rewards.mean()))
-        self.programs.update({row.program for row in episode.rows})
+        self.programs.update({row.step.program for row in episode.rows})
         self.versions.update(row.policy_version for row in episode.rows)
         self.versions.discard(-1)
 
 
 def describe(bag: Bag, namespace: str | None = None) -> tuple[list[str], bool]:
-    """Return lines to print, and whether the whole bag could be read."""
+    """Lines to print, and whether the whole bag could be read."""
     lines = [f"{bag.path}: {bag.duration_s:.1f} s, {sum(bag.counts.values())} messages"]
     complete = True
     if REPAIRED in bag.custom:
@@ -71,7 +71,7 @@ def _topics(bag: Bag) -> list[str]:
 
 
 def _counts(bag: Bag, key: str) -> dict[str, object]:
-    """Return messages by topic, as metadata.yaml states them. Raises BagError."""
+    """Messages by topic, as metadata.yaml states them. Raises BagError."""
     text = bag.custom.get(key, "{}")
     try:
         found = json.loads(text)
@@ -85,7 +85,7 @@ def _counts(bag: Bag, key: str) -> dict[str, object]:
 def _learning(bag: Bag, namespace: str | None) -> list[str]:
     if not bag.topics_of(TRAJECTORIES, namespace):
         return []
-    experience = Experience(bag, namespace)
+    experience = Experience.read(bag, namespace)
     lines = []
     for origin in experience.origins:
         facts = (origin.design, origin.arm, origin.preset, f"seed {origin.seed}")

@@ -55,7 +55,7 @@ class Verification:
 
 
 def learner_of(experience: Experience) -> Learner:
-    """Return the learner of a recording as it was at the start of its run.
+    """The learner of a recording as it was at the start of its run.
 
     Raises ProvenanceError if it did not begin from scratch, ConfigError for unknown settings.
     """
@@ -117,7 +117,7 @@ def verify(
 
 
 def _missing(one: UsedTrajectory, version: int, found: Verification) -> str:
-    """Return why the learner cannot use the next trajectory; empty if it can."""
+    """Why the learner cannot use the next trajectory; empty if it can."""
     if one.trajectory is None:
         return (
             f"trajectory {one.key.sequence} of {one.key.agent_id}, which led to version "
@@ -132,7 +132,7 @@ def _missing(one: UsedTrajectory, version: int, found: Verification) -> str:
 
 
 def _not_compared(experience: Experience, found: Verification) -> str:
-    """Return what was left out of a verification that reached its end; empty: nothing."""
+    """What was left out of a verification that reached its end; empty: nothing."""
     if found.skipped:
         return (
             f"{found.skipped} transitions could not be compared with an arena, because the "
@@ -240,7 +240,7 @@ class ArenaReplay:
     def _difference(
         self, trajectory: Trajectory, row: int, observation: Observation, verdict: Verdict | None
     ) -> str | None:
-        """Return what differs in a row; None if nothing does."""
+        """What differs in a row; None if nothing does."""
         # Objects that were found at the last row begin with the next trajectory.
         known = trajectory.objects.shape[1] if row == len(trajectory) else None
         if not np.array_equal(trajectory.objects[row], observation.objects[:known]):
@@ -267,7 +267,7 @@ def _named(trajectory: Trajectory, t: int, cause: str) -> str:
 
 
 def _asked(origins: Iterable[Origin], arena_id: str) -> tuple[str, int | None]:
-    """Return the condition of the training episodes, and the number of blocks asked for."""
+    """The condition of the training episodes, and the number of blocks asked for."""
     for origin in origins:
         if origin.instance == arena_id and "condition" in origin.parameters:
             blocks = origin.parameters.get("blocks")

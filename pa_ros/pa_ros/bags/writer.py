@@ -9,7 +9,6 @@ from typing import ClassVar, NoReturn
 
 from pydantic import Field
 
-from pa_ros import __version__
 from pa_ros.bags.errors import BagError, BagFullError
 from pa_ros.bags.format import (
     RESERVE,
@@ -22,6 +21,7 @@ from pa_ros.bags.format import (
     write_metadata,
 )
 from pa_ros.bags.storage import McapStorage
+from pa_ros.core import __version__
 from pa_ros.core.settings import Settings
 
 RESERVE_BYTES = 2 << 20  # enough for the last chunk, the index and metadata.yaml

@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
                           "recorded is learned from, without evaluation")  # fmt: skip
     with ExitStack() as stack:
         opened = [stack.enter_context(Bag(path)) for path in options.from_bag]
-        bags = [Experience(bag, options.namespace) for bag in opened]
+        bags = [Experience.read(bag, options.namespace) for bag in opened]
         learner, about = _learner(options, bags[0])
         for path, bag in zip(options.from_bag, bags, strict=True):
             _check_world(path, bag, learner)

@@ -12,8 +12,8 @@ import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from pa_ros import __version__
 from pa_ros.cli.laboratory import import_command
+from pa_ros.core import __version__
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.signals import EXIT_INTERRUPTED, Interrupted, signals_interrupt
 from pa_ros.core.software import check_opengl

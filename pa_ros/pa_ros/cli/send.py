@@ -12,7 +12,7 @@ import time
 
 from pydantic import Field
 
-from pa_ros import Result
+from pa_ros.acting.execution import Result
 from pa_ros.cli.options import add_setting, settings_from
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.settings import Settings

@@ -36,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
             print(f"version {found.version}: {found.compared} equal", file=sys.stderr, flush=True)
 
     with Bag(options.bag) as bag:
-        found = verify(Experience(bag, options.namespace), not options.no_arena, report)
+        found = verify(Experience.read(bag, options.namespace), not options.no_arena, report)
     for line in conclusion(found):
         print(line)
     return 0 if found.equal else EXIT_DIFFERENT

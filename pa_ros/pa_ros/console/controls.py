@@ -140,7 +140,7 @@ class Controls:
             self._live.ask(name, lambda arm: arm.move(number, x, y))
 
     def _chosen(self) -> int | None:
-        """Return the chosen block's number; None if none is chosen."""
+        """The chosen block's number; None if none is chosen."""
         blocks = self._offered[2]
         return blocks.index(self._block.value) if self._block.value in blocks else None
 
@@ -178,7 +178,7 @@ class Controls:
 
 
 def _by_hand(act: Callable[[], None]) -> Callable[[Any], None]:
-    """Return a callback for choices of a person; viser also calls it when the options change."""
+    """A callback for choices of a person; viser also calls it when the options change."""
 
     def called(event: Any) -> None:
         if event.client is not None:

@@ -82,7 +82,7 @@ class History:
                     entry.execution = entry.watch.observe(step)
 
     def html(self) -> str:
-        """Return a table with a row for each program."""
+        """A table with a row for each program."""
         if not self.entries:
             return markup.quiet("no program was sent from this page yet")
         return markup.pairs(((entry.text, entry.outcome) for entry in self.entries), "History")

@@ -28,7 +28,6 @@ from pa_ros.ros.topics import ARENA_INFO, CAMERA_TRACKS, OBJECT_FEATURES, PROGRA
 from pa_ros.tools.arm import Arm
 from pa_ros.tools.client import namespaces_of_arenas
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
-from pa_ros.tools.scenes import Scene
 from pa_ros.tools.weights import AgentWeights
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, Mode, decode_arena_info
@@ -248,16 +247,11 @@ class LiveConsole:
             return
         self._history.observe(steps)
         newest = steps[-1]
-        seen, judged = newest.observation, newest.verdict
-        stage = judged.stage if judged else 0
-        insight = self._weights.insight
-        explanation, why = explained(insight, seen, newest.program, vocabulary, stage)
-        moment = Moment(
-            arena, seen, newest.evaluation, newest.program,
-            judged.reward if judged else nan, judged.distance if judged else nan,
-            judged.satisfied if judged else None, explanation, self._weights.why or why, stage,
-        )  # fmt: skip
+        asked = newest.observation, newest.program, vocabulary, newest.stage
+        explanation, why = explained(self._weights.insight, *asked)
+        reward = newest.verdict.reward if newest.verdict is not None else nan
+        moment = Moment(arena, newest, reward, explanation, self._weights.why or why)
         factor = self._figures.value(f"/{self._namespace}/sim_node".replace("//", "/"), RATE)
         self.speed = factor if arena.mode is Mode.REAL_TIME else None
         self._page.show(moment, "" if factor is None else f", {factor:.1f} times real time")
-        self.examples = Scene(arena, newest).programs
+        self.examples = moment.programs

@@ -18,17 +18,17 @@ _LEFT = "padding:1px 5px;text-align:left;white-space:pre;"
 
 
 def text_of(text: str) -> str:
-    """Return any text as HTML, shortened."""
+    """Any text as HTML, shortened."""
     return escape(text if len(text) <= SHOWN else text[: SHOWN - 1] + "…")
 
 
 def quiet(text: str) -> str:
-    """Return a remark."""
+    """A remark."""
     return f'<div style="padding:0 1em .5em;opacity:.7;font-size:.85em">{text_of(text)}</div>'
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], label: str = "") -> str:
-    """Return a table of HTML cells; `label` names it for tests and assistive technology."""
+    """A table of HTML cells; `label` names it for tests and assistive technology."""
     top = "".join(f'<th scope="col" style="{_CELL}">{cell}</th>' for cell in head)
     body = "".join(f"<tr>{''.join(cells)}</tr>" for cells in rows)
     return (
@@ -38,20 +38,20 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], label: str = "") -
 
 
 def name(text: str, depth: int = 0) -> str:
-    """Return the first cell of a row."""
+    """The first cell of a row."""
     return f'<th scope="row" style="{_LEFT}font-weight:normal">{"  " * depth}{text_of(text)}</th>'
 
 
 def share(value: float) -> str:
-    """Return a cell for a degree in [0, 1], filled to that degree."""
+    """A cell for a degree in [0, 1], filled to that degree."""
     percent = round(100 * min(max(value, 0.0), 1.0))
     fill = f"background:linear-gradient(90deg,rgba(230,160,0,.45) {percent}%,transparent 0)"
     return f'<td style="{_CELL}{fill}">{value:.2f}</td>'
 
 
 def words_by_objects(moment: Moment, names: Sequence[str]) -> str:
-    """Return Φ and p: a row for each word, a column for each block."""
-    found, shown = moment.explanation, moment.blocks
+    """Φ and p: a row for each word, a column for each block."""
+    found, shown = moment.explanation, moment.block_rows
     if found is None:
         return quiet(f"Φ and p: {moment.unexplained}")
     rows = []
@@ -66,12 +66,12 @@ def words_by_objects(moment: Moment, names: Sequence[str]) -> str:
 
 
 def tree(moment: Moment, names: Sequence[str]) -> str:
-    """Return the program's tree with the degree of each node for each block."""
+    """The program's tree with the degree of each node for each block."""
     found = moment.explanation
     if found is None or not found.tree:
         return quiet(f"Why: {moment.unexplained or 'no program is in force'}")
     rows = [
-        [name(node.text, node.depth), *(share(float(node.degrees[i])) for i in moment.blocks)]
+        [name(node.text, node.depth), *(share(float(node.degrees[i])) for i in moment.block_rows)]
         for node in found.tree
     ]
     return table(["", *map(text_of, names)], rows, "Why") + quiet(
@@ -80,35 +80,36 @@ def tree(moment: Moment, names: Sequence[str]) -> str:
 
 
 def _most_relevant(found: Explanation, moment: Moment, names: Sequence[str]) -> str:
-    degrees = [float(found.p[i]) for i in moment.blocks]
+    degrees = [float(found.p[i]) for i in moment.block_rows]
     chosen = max(range(len(degrees)), key=degrees.__getitem__)
     return f"most relevant: {names[chosen]}, p {degrees[chosen]:.2f}"
 
 
 def state(moment: Moment, speed: str = "") -> str:
-    """Return what is being executed, and with what success."""
-    seen = moment.observation
-    kind = "evaluation episode" if moment.evaluation else "episode"
-    verdict = moment.verdict
-    program = moment.program
-    if program:
-        stage = moment.stage
+    """What is being executed, and with what success."""
+    seen, step = moment.observation, moment.step
+    kind = "evaluation episode" if step.evaluation else "episode"
+    verdict, program, stage = moment.verdict, step.program, step.stage
+    if program and step.verdict is not None:
         verdict += f": {measured(program, moment.distance, stage)}"
         if (limit := moment.arena.threshold(program, stage)) is not None:
             verdict += f", at most {measured(program, limit, stage)} is wanted"
-    at = at_stage(program, moment.stage)
+    at, time_s = at_stage(program, stage), max(seen.stamp_ns, 0) / 1e9
     rows = [
         ("program", program or "none in force"),
         *([("stage", at)] if at else []),
         ("verdict", verdict),
         ("reward", f"{moment.reward:+.2f}"),
-        ("time", f"{kind} {seen.episode}, step {seen.step}, {seen.stamp_ns / 1e9:.1f} s{speed}"),
+        (
+            "time",
+            f"{kind} {seen.episode}, step {seen.step}, {time_s:.1f} s{speed}",
+        ),
     ]
     return pairs(rows, "State")
 
 
 def pairs(rows: Iterable[tuple[str, str]], label: str) -> str:
-    """Return a table with a name and a text in each row."""
+    """A table with a name and a text in each row."""
     cells = (
         [name(first), f'<td style="{_LEFT}white-space:normal">{text_of(text)}</td>']
         for first, text in rows
@@ -117,7 +118,7 @@ def pairs(rows: Iterable[tuple[str, str]], label: str) -> str:
 
 
 def reading(text: str, vocabulary: Vocabulary) -> str:
-    """Return the canonical form of a typed program, or where it is wrong."""
+    """The canonical form of a typed program, or where it is wrong."""
     if not text.strip():
         return quiet("type a program, or choose an example")
     try:
@@ -130,7 +131,7 @@ def reading(text: str, vocabulary: Vocabulary) -> str:
 
 
 def completions(text: str, vocabulary: Vocabulary) -> tuple[str, ...]:
-    """Return the words that begin with the text's last, unfinished word."""
+    """The words that begin with the text's last, unfinished word."""
     stem = _last_word(text)
     relations = [f"{relation}(HAND, " for relation in vocabulary.relations]
     operators = [f"{name}(" for name in (*OPERATORS, *OVER_TIME)]
@@ -139,7 +140,7 @@ def completions(text: str, vocabulary: Vocabulary) -> tuple[str, ...]:
 
 
 def completed(text: str, word: str) -> str:
-    """Return the text with its last word completed."""
+    """The text with its last word completed."""
     stem = _last_word(text)
     return (text[: len(text) - len(stem)] if word.startswith(stem) else text) + word
 

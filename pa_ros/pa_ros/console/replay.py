@@ -12,7 +12,7 @@ import numpy as np
 import viser
 
 from pa_ros.acting.insight import Insight, agent_logic, explained
-from pa_ros.bags.episodes import RecordedEpisode, Row, episodes
+from pa_ros.bags.episodes import RecordedEpisode, episodes
 from pa_ros.bags.errors import ProvenanceError
 from pa_ros.bags.experience import PROVENANCE, WEIGHTS, newest_arena
 from pa_ros.bags.reader import Bag
@@ -20,9 +20,7 @@ from pa_ros.console import markup
 from pa_ros.console.moment import Moment
 from pa_ros.console.page import Page
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Observation
 from pa_ros.learning.checkpoints import load_policy
-from pa_ros.wire.arena import ArenaDescription
 from pa_ros.wire.diagnostics import decode_provenance
 from pa_ros.wire.learning import decode_weights
 
@@ -49,20 +47,16 @@ class Replay:
         self._insight = lru_cache(maxsize=8)(self._load)
 
     def moment(self, episode: int, step: int) -> Moment:
-        """Return a row of an episode, both by their places in the recording."""
+        """A row of an episode, both by their places in the recording."""
         recorded = self.episodes[episode]
         row = recorded.rows[step]
-        seen = _observation(recorded, row)
         insight, missing = self._insight(_acting_version(recorded, step))
-        vocabulary = self.arena.world.vocabulary
-        explanation, why = explained(insight, seen, row.program, vocabulary, row.stage)
-        return Moment(
-            self.arena, seen, recorded.evaluation, row.program, row.reward, row.distance,
-            _satisfied(self.arena, row), explanation, missing or why, row.stage,
-        )  # fmt: skip
+        asked = row.step.program, self.arena.world.vocabulary, row.step.stage
+        explanation, why = explained(insight, row.seen, *asked)
+        return Moment(self.arena, row.step, row.reward, explanation, missing or why)
 
     def _load(self, version: int) -> tuple[Insight | None, str]:
-        """Return the newest recorded weights up to a version, or why there are none."""
+        """The newest recorded weights up to a version, or why there are none."""
         earlier = [known for known in self._stamps if known <= version]
         try:
             agent = self._agent()
@@ -80,7 +74,7 @@ class Replay:
         return decode_weights(self._bag.deserialize(recorded)).snapshot
 
     def _agent(self) -> Mapping[str, Any]:
-        """Return the agent's parameters; empty if it ran in the learner's process."""
+        """The agent's parameters; empty if it ran in the learner's process."""
         topics = self._bag.topics_of(PROVENANCE, self._namespace)
         for origin in self._bag.decoded(topics, decode_provenance):
             if "checkpoint" in origin.parameters:
@@ -89,32 +83,9 @@ class Replay:
 
 
 def _acting_version(episode: RecordedEpisode, step: int) -> int:
-    """Return the version of the weights that acted at a row, or last before it."""
+    """The version of the weights that acted at a row, or last before it."""
     known = [row.policy_version for row in episode.rows[step::-1] if row.policy_version >= 0]
     return known[0] if known else max(row.policy_version for row in episode.rows)
-
-
-def _observation(episode: RecordedEpisode, row: Row) -> Observation:
-    """Return the row as an observation; values that were not recorded are zero."""
-    return Observation(
-        episode.number,
-        row.step,
-        max(row.stamp_ns, 0),
-        row.objects,
-        row.joint_position,
-        np.nan_to_num(row.joint_velocity),
-        row.hand_index,
-        "",
-        np.nan_to_num(row.hand_pose),
-    )
-
-
-def _satisfied(arena: ArenaDescription, row: Row) -> bool | None:
-    """Return whether the program held, by the arena's threshold; None if that is not recorded."""
-    if row.satisfied is not None:
-        return row.satisfied
-    threshold = arena.threshold(row.program)
-    return None if threshold is None or np.isnan(row.distance) else row.distance <= threshold
 
 
 class Timeline:
@@ -169,7 +140,7 @@ class Timeline:
 
 
 def _index(value: float, among: Sequence[object]) -> int:
-    """Return the index nearest to a slider's value, which may be left over from a longer list."""
+    """The index nearest to a slider's value, which may be left over from a longer list."""
     return int(min(max(0, value), len(among) - 1))
 
 
@@ -177,4 +148,4 @@ def _summary(episode: RecordedEpisode) -> str:
     rewards = episode.rewards
     mean = f", reward per step {np.mean(rewards):+.2f}" if len(rewards) else ""
     kind = "evaluation episode" if episode.evaluation else "episode"
-    return f"{kind} {episode.number}{mean}: {episode.rows[-1].program}"
+    return f"{kind} {episode.number}{mean}: {episode.rows[-1].step.program}"

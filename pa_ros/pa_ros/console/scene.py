@@ -12,8 +12,7 @@ import trimesh
 import viser
 from mjviser import ViserMujocoScene
 
-from pa_ros.bags.episodes import RecordedEpisode
-from pa_ros.bags.film import Stage
+from pa_ros.bags.film import Stage, looks
 from pa_ros.console.moment import Moment
 from pa_ros.world.relation import RELATIONS
 
@@ -63,18 +62,17 @@ class ArenaScene:
         return tuple((name, (float(p[0]), float(p[1]), float(p[2]))) for name, p in found)
 
     def show(self, moment: Moment) -> None:
-        """Draw a moment. Raises BagError if its joints are not known."""
-        of = moment.arena.arena_id, moment.row.looks
+        """Draw a moment."""
+        of = moment.arena.arena_id, looks(moment.observation)
         if of != self._of:
             self._rebuild(moment, of)
         assert self._stage is not None and self._arm is not None
-        self._stage.show(moment.row)
+        self._stage.show(moment.step)
         self._arm.update_from_mjdata(self._stage.task.simulation.data)
         self._place(moment, self._stage)
 
     def _rebuild(self, moment: Moment, of: tuple[str, bytes]) -> None:
-        episode = RecordedEpisode(moment.observation.episode, moment.evaluation, [moment.row])
-        self._stage = Stage(episode, moment.arena)
+        self._stage = Stage(moment.arena, moment.step)
         model = self._stage.task.simulation.model
         # The arm is large to send and stays the same in an arena; only the blocks are made anew.
         if self._of is None or self._of[0] != of[0]:
@@ -89,7 +87,7 @@ class ArenaScene:
         for block in self._blocks:
             for handle in (block.solid, block.outline, block.label, block.circle):
                 handle.remove()
-        self._blocks = [self._block(model, i, name) for i, name in enumerate(moment.names)]
+        self._blocks = [self._block(model, i, name) for i, name in enumerate(moment.blocks)]
         self._of = of
 
     def _block(self, model: mujoco.MjModel, index: int, name: str) -> _Block:
@@ -118,7 +116,7 @@ class ArenaScene:
         )  # fmt: skip
 
     def _place(self, moment: Moment, stage: Stage) -> None:
-        data, found, objects = stage.task.simulation.data, moment.explanation, moment.blocks
+        data, found, objects = stage.task.simulation.data, moment.explanation, moment.block_rows
         heights = label_heights([data.geom(f"block{i}").xpos for i in range(len(self._blocks))])
         with self._server.atomic():
             for i, block in enumerate(self._blocks):
@@ -132,14 +130,14 @@ class ArenaScene:
                 block.label.position = geom.xpos + np.array((0.0, 0.0, heights[i]))
                 block.label.text = block.name if p is None else f"{block.name}  p {p:.2f}"
                 named = objects[i] in stage.task.verifier.targets and stage.task.verifier.moved
-                block.circle.visible = bool(named and moment.program)
+                block.circle.visible = bool(named and moment.step.program)
                 if block.circle.visible:
                     block.circle.points = _outline(stage, data.geom(f"block{i}").xpos)
         self._server.flush()
 
 
 def label_heights(places: list[Any]) -> list[float]:
-    """Return the height of each block's label, so that labels of close blocks don't overlap.
+    """The height of each block's label, so that labels of close blocks don't overlap.
 
     Blocks near the camera have the lower labels.
     """
@@ -152,7 +150,7 @@ def label_heights(places: list[Any]) -> list[float]:
 
 
 def _without_blocks(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a copy of the model whose blocks are not drawn; bodies keep their numbers."""
+    """A copy of the model whose blocks are not drawn; bodies keep their numbers."""
     model = copy.copy(model)
     for index in range(model.ngeom):
         if model.geom(index).name.startswith("block"):
@@ -161,7 +159,7 @@ def _without_blocks(model: mujoco.MjModel) -> mujoco.MjModel:
 
 
 def _mesh(geom: Any, factor: float) -> Any:
-    """Return a geom's shape in its own frame, larger by a factor."""
+    """A geom's shape in its own frame, larger by a factor."""
     size, kind = geom.size * factor, _KINDS[int(geom.type[0])]
     if kind == "BOX":
         return trimesh.creation.box(extents=2 * size)
@@ -175,7 +173,7 @@ def _mesh(geom: Any, factor: float) -> Any:
 
 
 def _outline(stage: Stage, block: Any) -> Any:
-    """Return where the program's relation to a block begins to hold, as line segments [S, 2, 3]."""
+    """Where the program's relation to a block begins to hold, as line segments [S, 2, 3]."""
     program = stage.task.program
     threshold = stage.task.scoring.threshold(program.relation, not program.moves_hand)
     moved = stage.task.simulation.positions[stage.task.verifier.moved[0]]

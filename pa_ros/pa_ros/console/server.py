@@ -56,7 +56,7 @@ class ConsoleServer:
         return len(self.viser.get_clients())
 
     def may_send(self, client: viser.ClientHandle) -> bool:
-        """Return whether a page was opened with the token."""
+        """Whether a page was opened with the token."""
         # viser does not pass on the address, but its connection has it.
         live = self.viser._websock_server._live_connections  # noqa: SLF001
         connection = live.get(client.client_id)

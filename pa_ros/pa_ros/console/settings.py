@@ -26,16 +26,16 @@ class ConsoleSettings(Settings):
 
 
 def view_address(port: int) -> str:
-    """Return the address of a page that shows everything and takes no input."""
+    """The address of a page that shows everything and takes no input."""
     return f"http://{HOST}:{port}/"
 
 
 def control_address(port: int, token: str) -> str:
-    """Return the address of a page that can also send programs."""
+    """The address of a page that can also send programs."""
     return f"{view_address(port)}?websocket=ws://{HOST}:{port}/{token}"
 
 
 def free_port() -> int:
-    """Return a port that is free now."""
+    """A port that is free now."""
     with socket.create_server((HOST, 0)) as probe:
         return int(probe.getsockname()[1])

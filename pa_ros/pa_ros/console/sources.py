@@ -34,7 +34,7 @@ class Sampler:
         self._reader = steps.subscribe(node, lambda _: None)
 
     def take(self) -> list[Message]:
-        """Return the steps since the last call, in order."""
+        """The steps since the last call, in order."""
         return [message for message, _ in islice(take_messages(self._reader), self._depth)]
 
     def close(self) -> None:

@@ -1,1 +1,3 @@
-"""Types and errors that every room of the house shares; depends on NumPy alone."""
+"""What every room shares: records, errors, settings, registries, the version."""
+
+__version__ = "0.2.0"

@@ -98,6 +98,11 @@ class Step:
     executed: Executed | None = None  # the command that led here, if exactly one did, unaltered
     arena_id: str = ""
 
+    @property
+    def stage(self) -> int:
+        """Which program of a goal over time is pursued; 0 where nobody judged the step."""
+        return self.verdict.stage if self.verdict is not None else 0
+
 
 class TrajectoryKey(NamedTuple):
     """Names one trajectory."""

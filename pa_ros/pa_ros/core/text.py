@@ -1,16 +1,13 @@
-"""Text: what people read (suggestions, reports), and text from outside (untrusted, YAML)."""
+"""Text that people read: made printable, with suggestions, as reports."""
 
 from __future__ import annotations
 
 import difflib
 import json
 import math
-import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import yaml
+from typing import TYPE_CHECKING
 
 from pa_ros.core.files import write_whole
 
@@ -63,24 +60,6 @@ def write_report(path: Path | None, report: Report, without: str = "\0") -> None
         print(f"{name:<{width}}  {f'{value:.6g}' if isinstance(value, float) else value}")
     if path is not None:
         write_whole(path, json.dumps({k: _json(v) for k, v in report.items()}, indent=2) + "\n")
-
-
-class _Loader(yaml.SafeLoader):
-    """YAML 1.2's floats, as ROS reads them: PyYAML takes 1e-4 for text."""
-
-
-_EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
-_Loader.add_implicit_resolver("tag:yaml.org,2002:float", _EXPONENT, [*"-+.0123456789"])
-
-
-def read_yaml(text: str) -> Any:
-    """The value of a YAML text; ValueError if it is not YAML."""
-    try:
-        return yaml.load(text, Loader=_Loader)
-    except yaml.YAMLError as error:
-        raise ValueError(str(error)) from error
-    except Exception as error:  # PyYAML fails in many ways for a value that is not of its tag
-        raise ValueError(f"{type(error).__name__}: {error}") from error
 
 
 def _json(value: float | int | str) -> float | int | str:

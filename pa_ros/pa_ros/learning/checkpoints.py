@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros import __version__
+from pa_ros.core import __version__
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.core.settings import read_json

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 from uuid import uuid4
 
-from pa_ros import __version__
+from pa_ros.core import __version__
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, LearnerInfo, PublishedPolicy, TrajectoryKey
 from pa_ros.core.software import here

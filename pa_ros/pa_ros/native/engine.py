@@ -7,6 +7,7 @@ they are rearranged. Float32; deterministic for given inputs, threads and instru
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from typing import Any, cast
 
 import numpy as np
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 from pa_ros.core.experience import Float32
 from pa_ros.core.update import HAND_INDEX, Batch
 from pa_ros.language import PRODUCT, Logic, Program
-from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.native import _fused
 from pa_ros.native.families import FUSED
 from pa_ros.native.tensors import FlatTensors
@@ -64,31 +64,25 @@ class FusedEngine:
     def __init__(
         self,
         network: NetworkConfig,
-        config: DPGConfig,
         table: ProgramTable,
         actor: Tensors,
         critic: Tensors,
+        rate_share: Callable[[int], float],
+        threads: int,
+        **numbers: float,
     ) -> None:
+        """`rate_share`: of both learning rates, by updates so far; `numbers`: the library's own."""
         self._family = FUSED[type(family_of(network))]
         actor_network, critic_network = (self._family.describe(network, x) for x in (False, True))
         self._engine = _fused.Engine(
             actor_network,
             critic_network,
-            actor_rate=config.optimizer.actor_rate,
-            critic_rate=config.optimizer.critic_rate,
-            beta1=config.optimizer.beta1,
-            beta2=config.optimizer.beta2,
-            epsilon=config.optimizer.epsilon,
-            clip=config.gradient_clip,
-            action_penalty=config.action_penalty,
-            detector_gain=config.detectors.gain,
-            sparsity=config.detectors.sparsity,
-            free_from=config.detectors.free_from,
             detector_bias=network.detectors_have_biases,
-            threads=config.engine.threads,
+            threads=threads,
+            **numbers,
         )
-        self._optimizer = config.optimizer
-        self._betas = config.optimizer.beta1, config.optimizer.beta2
+        self._rate_share = rate_share
+        self._betas = numbers["beta1"], numbers["beta2"]
         self._trained = {
             "actor": _Trained("actor", actor_network, self._engine.actor, actor),
             "critic": _Trained("critic", critic_network, self._engine.critic, critic),
@@ -121,7 +115,7 @@ class FusedEngine:
             hand_index=HAND_INDEX,
             correction1=correction1,
             correction2=correction2,
-            rate_share=self._optimizer.share(step - 1),
+            rate_share=self._rate_share(step - 1),
         )
         for trained in self._trained.values():
             trained.step += 1

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32
-from pa_ros.core.extensions import Registry
+from pa_ros.core.registry import Registry
 from pa_ros.language import And, Program, Vocabulary, Word
 from pa_ros.language.flat import compile_program
 from pa_ros.networks.errors import NetworkError

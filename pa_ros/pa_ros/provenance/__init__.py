@@ -6,9 +6,9 @@ import time
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from pa_ros import __version__
 from pa_ros.arena import ARMS, ArenaConfig, Design, scoring_of, world_of
 from pa_ros.arena.simulation import HAND_INDEX
+from pa_ros.core import __version__
 from pa_ros.core.software import here
 from pa_ros.language import Program
 from pa_ros.wire.arena import ArenaDescription, Mode

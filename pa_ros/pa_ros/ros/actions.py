@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
@@ -12,12 +12,9 @@ from simulation_interfaces.action import SimulateSteps
 
 from msgs_schema.action import ExecuteProgram
 from pa_ros.core.errors import PaError
-from pa_ros.ros.refusals import RateLimiter
+from pa_ros.ros.refusals import RateLimiter, Refusals
 from pa_ros.ros.topics import SERVICE
 from pa_ros.wire import Message
-
-if TYPE_CHECKING:
-    from pa_ros.ros.lifecycle import ManagedNode
 
 EXECUTE_PROGRAM = ("execute_program", ExecuteProgram)
 SIMULATE_STEPS = ("simulate_steps", SimulateSteps)
@@ -123,7 +120,8 @@ class GoalServer:
 
     def __init__(
         self,
-        node: ManagedNode,
+        node: Node,
+        refusals: Refusals,
         action: Action,
         start: Callable[[ActionGoal], None],
         cancel: Callable[[ActionGoal], None],
@@ -132,7 +130,8 @@ class GoalServer:
         :param start: receives each goal, and has to end it sooner or later.
         :param cancel: called after the client of an active goal has asked to cancel it.
         """
-        self._node, self._start, self._cancel = node, start, cancel
+        self._node, self._refusals = node, refusals
+        self._start, self._cancel = start, cancel
         self._rate = RateLimiter()
         known = [server for server in servers_of(node) if server.action == action]
         self._server = known[0] if known else _Server(node, action)
@@ -144,7 +143,7 @@ class GoalServer:
         try:
             self._rate.check()
         except PaError as error:
-            self._node.refusals.refuse(self._server.action[0], error)
+            self._refusals.refuse(self._server.action[0], error)
             return GoalResponse.REJECT
         return GoalResponse.ACCEPT
 

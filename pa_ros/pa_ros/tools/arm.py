@@ -10,8 +10,7 @@ from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pa_ros import Result
-from pa_ros.acting.execution import ENDED, HOLD_S, window_s
+from pa_ros.acting.execution import ENDED, HOLD_S, Result, window_s
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.language import parse, parse_goal, require_possible
 from pa_ros.tools.client import NoAnswerError

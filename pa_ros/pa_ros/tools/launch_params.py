@@ -11,7 +11,8 @@ from typing import Any
 import yaml
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.text import did_you_mean, read_yaml
+from pa_ros.core.text import did_you_mean
+from pa_ros.core.yaml_text import read_yaml
 from pa_ros.learning.folder import refuse_used
 
 CONFIG = Path(__file__).parents[1] / "config"

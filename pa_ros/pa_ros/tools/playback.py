@@ -246,7 +246,7 @@ class _StepWait:
 
 
 def _profile(bag: Bag, name: str, keep_all: bool = False) -> QoSProfile:
-    """Return the profile that a topic's publishers offered; the weakest of several."""
+    """The profile that a topic's publishers offered; the weakest of several."""
     offered = bag.qos(name)
     if not offered:
         return topics.STEP

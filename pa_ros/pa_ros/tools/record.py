@@ -137,13 +137,13 @@ class Recorder:
         return self._writer.size / 1e6
 
     def rows(self) -> list[tuple[str, str]]:
-        """Return (topic, messages and losses) for a live table, and the size."""
+        """(topic, messages and losses) for a live table, and the size."""
         lost = self.lost
         rows = [(name, f"{n:>9}  lost {lost.get(name, 0)}") for name, n in self.counts.items()]
         return [*rows, ("size", f"{self.size_mb:.1f} MB")]
 
     def line(self) -> str:
-        """Return the same in one line."""
+        """The same in one line."""
         messages, lost = sum(self.counts.values()), sum(self.lost.values())
         return f"{messages} messages  {self.size_mb:.1f} MB  lost {lost}"
 
@@ -239,7 +239,7 @@ class SequenceGaps:
 
 
 def reader_qos(profile: QoSProfile) -> QoSProfile:
-    """Return a reader's profile with a longer queue, so that the recorder loses nothing.
+    """A reader's profile with a longer queue, so that the recorder loses nothing.
 
     The queue is unlimited, except for latched topics: their messages are few, or as large as
     weights, so a hundred are enough.
@@ -254,7 +254,7 @@ def reader_qos(profile: QoSProfile) -> QoSProfile:
 
 
 def offered_qos(profile: QoSProfile) -> Qos:
-    """Return a publisher's profile in rosbag2's form, so that it can be played back."""
+    """A publisher's profile in rosbag2's form, so that it can be played back."""
     return reliable_qos(profile.depth)._replace(
         history=QosHistory[profile.history.name],
         reliability=QosReliability[profile.reliability.name],
@@ -263,7 +263,7 @@ def offered_qos(profile: QoSProfile) -> Qos:
 
 
 def topics_of(arenas: Sequence[str]) -> tuple[Topic, ...]:
-    """Return all topics of pa_ros, of one arena or of a fleet's.
+    """All topics of pa_ros, of one arena or of a fleet's.
 
     Raises ConfigError for a namespace that ROS rejects.
     """
@@ -279,7 +279,7 @@ def topics_of(arenas: Sequence[str]) -> tuple[Topic, ...]:
 
 
 def topics_named(node: Node, names: Iterable[str], arenas: Sequence[str] = ()) -> list[Topic]:
-    """Return topics by name: ours, and any other that has a publisher now.
+    """Topics by name: ours, and any other that has a publisher now.
 
     Raises BagError for one without a publisher, ConfigError for a name that ROS rejects.
     """
@@ -306,7 +306,7 @@ def _resolved(node: Node, name: str) -> str:
 
 
 def _other_topic(node: Node, name: str) -> Topic:
-    """Return a topic that is not ours, with a profile that matches all its publishers."""
+    """A topic that is not ours, with a profile that matches all its publishers."""
     found = node.get_publishers_info_by_topic(name)
     profiles = [info.qos_profile for info in found]
     reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)

@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Float64, Step
+from pa_ros.core.experience import Float64, Observation, Step
 from pa_ros.core.text import printable
 from pa_ros.language import parse, require_target
 from pa_ros.ros.executor import steady_timer
@@ -39,22 +39,27 @@ class Scene:
     step: Step
 
     @property
+    def observation(self) -> Observation:
+        """What the arena observed."""
+        return self.step.observation
+
+    @property
     def blocks(self) -> tuple[str, ...]:
         """Names of the blocks, such as RED CUBE."""
-        seen = self.step.observation
+        seen = self.observation
         hand, names = seen.hand_index, self.arena.world.schema.labels(seen.objects, seen.hand_index)
         return (*names[:hand], *names[hand + 1 :])
 
     @property
     def places(self) -> Float64:
         """Where the blocks are, [N - 1, 3] m in the base's frame."""
-        seen = self.step.observation
+        seen = self.observation
         return np.delete(places(seen.hand_pose, seen.objects), seen.hand_index, axis=0)
 
     @property
     def episode(self) -> int:
         """The episode's number."""
-        return self.step.observation.episode
+        return self.observation.episode
 
     @property
     def program(self) -> str:
@@ -101,20 +106,17 @@ class Scene:
         observed: the hand is a white ring, and objects that the program names have a black edge.
         Blocks whose properties are only seen are grey squares."""
         from pa_ros.arena.render import top_view
-        from pa_ros.bags.episodes import RecordedEpisode, Row
         from pa_ros.bags.film import Stage
 
-        seen = self.step.observation
-        row = Row.of(seen, self.step.program)
-        stage = Stage(RecordedEpisode(seen.episode, False, [row]), self.arena)
-        stage.show(row)
+        stage = Stage(self.arena, self.step)
+        stage.show(self.step)
         return top_view(stage.task, side_px)
 
     def shown_distance(self) -> str:
         """The distance with its unit, and whether the program is satisfied."""
         if not isfinite(self.distance):
             return "-"
-        stage = self.step.verdict.stage if self.step.verdict else 0
+        stage = self.step.stage
         where = measured(self.program, self.distance, stage)
         at = at_stage(self.program, stage)
         return f"{where}{', satisfied' if self.satisfied else ''}{', ' if at else ''}{at}"

@@ -16,7 +16,7 @@ from msgs_schema import msg
 from pa_ros.core.experience import ENDLESS
 from pa_ros.language import Program, parse
 from pa_ros.wire import WireError
-from pa_ros.wire.fields import copy_fields, fields_of, float64_field, read_stamp, write_stamp
+from pa_ros.wire.fields import SharedFields, float64_field, read_stamp, write_stamp
 from pa_ros.world import Sparse
 from pa_ros.world.relation import RELATIONS, programs_in
 from pa_ros.world.world import World
@@ -24,12 +24,6 @@ from pa_ros.world.world import World
 # Edition of msgs_schema. Raise it when a receiver of one edition could misread the other.
 WIRE_VERSION = "6"
 SPARSE = Sparse().to_json()  # the paper's reward
-# Fields that are alike in the message and in the record, and arrays of numbers.
-SAME = (
-    *("arena_id", "software_version", "design", "arm", "preset", "seed", "block_count"),
-    *("hand_index", "control_period", "episode_steps", "reward", "perception"),
-)
-NUMBERS = ("joint_lower", "joint_upper", "speed_limits", "thresholds")
 
 
 class Mode(IntEnum):
@@ -76,6 +70,10 @@ class ArenaDescription:
         return RELATIONS[relation].between or own
 
 
+SAME = SharedFields(ArenaDescription, msg.ArenaInfo)
+NUMBERS = SharedFields(ArenaDescription, msg.ArenaInfo, ("tuple[float, ...]",))
+
+
 def describe_robot(
     world: World,
     speed_limits: Mapping[str, float],
@@ -85,7 +83,7 @@ def describe_robot(
     arm: str = "",
     limits: Sequence[tuple[float, float]] = (),
 ) -> ArenaDescription:
-    """Return the description that a robot publishes in place of an arena, with a new id.
+    """The description that a robot publishes in place of an arena, with a new id.
 
     :param world: the agent's world; agents of another world reject the robot.
     :param speed_limits: rad/s by joint, reached at action 1; their order is the joints' order.
@@ -115,27 +113,27 @@ def describe_robot(
 
 
 def encode_arena_info(arena: ArenaDescription) -> msg.ArenaInfo:
-    """Return the latched self-description of an arena."""
+    """The latched self-description of an arena."""
     message = msg.ArenaInfo()
     write_stamp(message.stamp, arena.stamp_ns)
-    copy_fields(message, arena, SAME)
+    SAME.write(message, arena)
     message.wire_version = WIRE_VERSION
     message.mode = int(arena.mode)
     write_world(message, arena.world)
     message.training_programs = list(map(str, arena.training_programs))
     message.object_feature_names = list(arena.world.schema.feature_names)
     message.joint_names = list(arena.joint_names)
-    for name in NUMBERS:
+    for name in NUMBERS.names:
         setattr(message, name, float64_field(np.asarray(getattr(arena, name))))
     return message
 
 
 def decode_arena_info(message: msg.ArenaInfo) -> ArenaDescription:
-    """Return what an arena offers. Raises WireError, ConfigError (no world), ProgramError."""
+    """What an arena offers. Raises WireError, ConfigError (no world), ProgramError."""
     check_version("arena_info", message)
     world = read_world("arena_info", message)
     _check(message, world)
-    numbers: dict[str, Any] = {name: tuple(getattr(message, name)) for name in NUMBERS}
+    numbers: dict[str, Any] = {name: tuple(getattr(message, name)) for name in NUMBERS.names}
     return ArenaDescription(
         mode=Mode(message.mode),
         world=world,
@@ -143,7 +141,7 @@ def decode_arena_info(message: msg.ArenaInfo) -> ArenaDescription:
         joint_names=tuple(message.joint_names),
         stamp_ns=read_stamp(message.stamp),
         **numbers,
-        **fields_of(message, SAME),
+        **SAME.read(message),
     )
 
 
@@ -197,7 +195,7 @@ def write_world(message: Any, world: World) -> None:
 
 
 def read_world(where: str, message: Any) -> World:
-    """Return the world of a message. Raises ConfigError, WireError (`wire.world`)."""
+    """The world of a message. Raises ConfigError, WireError (`wire.world`)."""
     world = World.from_json(message.world)
     if world.digest != message.world_digest:
         field = f"{where}.world_digest"
@@ -206,5 +204,5 @@ def read_world(where: str, message: Any) -> World:
 
 
 def read_programs(message: Any, world: World) -> tuple[Program, ...]:
-    """Return the training programs, parsed with the world's words. Raises ProgramError."""
+    """The training programs, parsed with the world's words. Raises ProgramError."""
     return tuple(parse(text, world.vocabulary) for text in message.training_programs)

@@ -21,7 +21,7 @@ _DTYPES = {"octet": "uint8", "byte": "uint8", "char": "uint8"}
 
 
 def installed_types() -> Typestore:
-    """Return a new store with the types of ROS 2 Jazzy and of msgs_schema."""
+    """A new store with the types of ROS 2 Jazzy and of msgs_schema."""
     store = get_typestore(Stores.ROS2_JAZZY)
     register(store, "msgs_schema/msg/Trajectory")
     return store
@@ -41,7 +41,7 @@ def register(store: Typestore, type_name: str) -> None:
 
 
 def hash_of(type_name: str, definition: str) -> str:
-    """Return the type hash of a definition's text; empty if it cannot be parsed."""
+    """The type hash of a definition's text; empty if it cannot be parsed."""
     store = get_typestore(Stores.EMPTY)
     try:
         store.register(get_types_from_msg(definition, type_name))
@@ -51,7 +51,7 @@ def hash_of(type_name: str, definition: str) -> str:
 
 
 def message_class(type_name: str) -> Any:
-    """Return the installed class of a type. Raises WireError."""
+    """The installed class of a type. Raises WireError."""
     package, kind, name = type_name.split("/")
     try:
         return getattr(import_module(f"{package}.{kind}"), name)
@@ -61,7 +61,7 @@ def message_class(type_name: str) -> Any:
 
 
 def message_type(message_class: Any) -> str:
-    """Return the full name of a message class: "sensor_msgs/msg/JointState"."""
+    """The full name of a message class: "sensor_msgs/msg/JointState"."""
     package, kind = message_class.__module__.split(".")[:2]
     return f"{package}/{kind}/{message_class.__name__}"
 
@@ -74,7 +74,7 @@ def to_cdr(store: Typestore, message: Any) -> bytes:
 
 @lru_cache(maxsize=64)
 def _definitions(package: str) -> tuple[tuple[str, str], ...]:
-    """Return type and text of every message of a package, from the first prefix that has it."""
+    """Type and text of every message of a package, from the first prefix that has it."""
     prefixes = [*filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(":")), sys.prefix]
     for prefix in prefixes:
         folder = Path(prefix) / "share" / package / "msg"
@@ -85,7 +85,7 @@ def _definitions(package: str) -> tuple[tuple[str, str], ...]:
 
 
 def _converted(store: Typestore, type_name: str, message: Any) -> Any:
-    """Return the message as an instance of the store's class, with NumPy arrays."""
+    """The message as an instance of the store's class, with NumPy arrays."""
     _, fields = store.fielddefs[type_name]
     values = {name: _field(store, kind, getattr(message, name)) for name, kind in fields}
     return store.types[type_name](**values)

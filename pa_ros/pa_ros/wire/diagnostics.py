@@ -20,12 +20,8 @@ from pa_ros.wire.arena import (
     read_world,
     write_world,
 )
-from pa_ros.wire.fields import copy_fields, fields_of, read_stamp, write_stamp
+from pa_ros.wire.fields import SharedFields, read_stamp, write_stamp
 from pa_ros.world.world import World
-
-# Fields that are alike in the message and in the records.
-SAME = ("node", "instance", "software_version", "versions", "seed", "design", "arm", "preset")
-SAME_OF_LEARNER = ("first_version", "network", "learner", "algorithm")
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +63,12 @@ class Origin:
     learner: LearnerOrigin | None = None  # None: not a learner
 
 
+SAME = SharedFields(Origin, msg.Provenance)
+SAME_OF_LEARNER = SharedFields(LearnerOrigin, msg.Provenance)
+
+
 def encode_diagnostics(entries: list[Health], stamp_ns: int) -> DiagnosticArray:
-    """Return a node's entries, stamped with its clock."""
+    """A node's entries, stamped with its clock."""
     message = DiagnosticArray()
     write_stamp(message.header.stamp, stamp_ns)
     message.status = [
@@ -85,7 +85,7 @@ def encode_diagnostics(entries: list[Health], stamp_ns: int) -> DiagnosticArray:
 
 
 def decode_diagnostics(message: DiagnosticArray) -> list[Health]:
-    """Return the entries of any node. All texts pass."""
+    """The entries of any node. All texts pass."""
     return [
         Health(
             name=status.name,
@@ -98,22 +98,22 @@ def decode_diagnostics(message: DiagnosticArray) -> list[Health]:
 
 
 def encode_provenance(origin: Origin) -> msg.Provenance:
-    """Return the origin of one process's messages."""
+    """The origin of one process's messages."""
     message = msg.Provenance()
     write_stamp(message.stamp, origin.stamp_ns)
-    copy_fields(message, origin, SAME)
+    SAME.write(message, origin)
     message.wire_version = WIRE_VERSION
     message.parameters = json.dumps(dict(origin.parameters), sort_keys=True)
     if origin.world is not None:
         write_world(message, origin.world)
     if origin.learner is not None:
-        copy_fields(message, origin.learner, SAME_OF_LEARNER)
+        SAME_OF_LEARNER.write(message, origin.learner)
         message.training_programs = list(map(str, origin.learner.training_programs))
     return message
 
 
 def decode_provenance(message: msg.Provenance) -> Origin:
-    """Return the origin of one process's messages. Raises WireError, ConfigError (no world)."""
+    """The origin of one process's messages. Raises WireError, ConfigError (no world)."""
     check_version("provenance", message)
     world = read_world("provenance", message) if message.world else None
     return Origin(
@@ -121,7 +121,7 @@ def decode_provenance(message: msg.Provenance) -> Origin:
         world=world,
         stamp_ns=read_stamp(message.stamp),
         learner=_learner(message, world),
-        **fields_of(message, SAME),
+        **SAME.read(message),
     )
 
 
@@ -131,7 +131,7 @@ def _learner(message: msg.Provenance, world: World | None) -> LearnerOrigin | No
     if world is None:
         raise WireError("provenance.world", "the learner's world", "''", code="wire.range")
     return LearnerOrigin(
-        training_programs=read_programs(message, world), **fields_of(message, SAME_OF_LEARNER)
+        training_programs=read_programs(message, world), **SAME_OF_LEARNER.read(message)
     )
 
 

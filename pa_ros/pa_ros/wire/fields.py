@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import array
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ NS = 1_000_000_000
 LARGEST_FLOAT32 = float(np.finfo(np.float32).max)
 # Up to this many numbers, math.hypot over Python floats is faster than two NumPy calls.
 FEW = 100
+PLAIN = ("bool", "float", "int", "str")  # annotations of fields that messages have alike
 
 
 def float32_field(values: Float32) -> array.array[float]:
@@ -36,7 +38,7 @@ def read_array(
     shape: tuple[int, ...],
     largest: float = math.inf,
 ) -> NDArray[Any]:
-    """Return a finite array of `shape` that owns its memory.
+    """A finite array of `shape` that owns its memory.
 
     Raises WireError: `wire.size` for another count, `wire.non_finite`, `wire.range` for a
     magnitude above `largest`.
@@ -62,7 +64,7 @@ def read_array(
 
 
 def read_measures(name: str, values: Sequence[float], rows: int) -> Float64 | None:
-    """Return the measures of P programs in each of so many rows, [rows, P]; None: not said.
+    """The measures of P programs in each of so many rows, [rows, P]; None: not said.
 
     Raises WireError (`wire.range`) unless all are at least 0, or infinite.
     """
@@ -75,15 +77,21 @@ def read_measures(name: str, values: Sequence[float], rows: int) -> Float64 | No
     return measures.reshape(rows, -1)
 
 
-def copy_fields(message: Any, record: Any, names: Iterable[str]) -> None:
-    """Set the fields that message and record have under the same names."""
-    for name in names:
-        setattr(message, name, getattr(record, name))
+class SharedFields:
+    """The fields that a record and a message both have, of some kinds in the record."""
 
+    def __init__(self, record: type, message: Any, kinds: Sequence[str] = PLAIN) -> None:
+        there = message.get_fields_and_field_types()
+        self.names = [one.name for one in fields(record) if one.name in there and one.type in kinds]
 
-def fields_of(message: Any, names: Iterable[str]) -> dict[str, Any]:
-    """Return these fields by name."""
-    return {name: getattr(message, name) for name in names}
+    def write(self, message: Any, record: Any) -> None:
+        """Set them in a message."""
+        for name in self.names:
+            setattr(message, name, getattr(record, name))
+
+    def read(self, message: Any) -> dict[str, Any]:
+        """Their values in a message, by name."""
+        return {name: getattr(message, name) for name in self.names}
 
 
 def write_stamp(stamp: Any, stamp_ns: int) -> None:
@@ -92,12 +100,12 @@ def write_stamp(stamp: Any, stamp_ns: int) -> None:
 
 
 def read_stamp(stamp: Any) -> int:
-    """Return a builtin_interfaces/Time in nanoseconds."""
+    """A builtin_interfaces/Time in nanoseconds."""
     return int(stamp.sec) * NS + int(stamp.nanosec)
 
 
 def header_stamp(message: Any) -> int:
-    """Return the header's stamp in nanoseconds: the parts of one control step share it."""
+    """The header's stamp in nanoseconds: the parts of one control step share it."""
     return read_stamp(message.header.stamp)
 
 
@@ -108,5 +116,5 @@ def write_vector(target: Any, values: Float64, names: str = "xyz") -> None:
 
 
 def read_vector(source: Any, names: str = "xyz") -> Float64:
-    """Return a vector, a point or (`names` "xyzw") a quaternion."""
+    """A vector, a point or (`names` "xyzw") a quaternion."""
     return np.array([getattr(source, name) for name in names])

@@ -21,8 +21,7 @@ from pa_ros.language import parse
 from pa_ros.wire import WireError
 from pa_ros.wire.arena import WIRE_VERSION, check_positive, check_version
 from pa_ros.wire.fields import (
-    copy_fields,
-    fields_of,
+    SharedFields,
     float32_field,
     float64_field,
     read_array,
@@ -37,26 +36,18 @@ from pa_ros.world.world import World
 MAX_TRANSITIONS = 10_000  # of one trajectory
 MAX_DIMENSIONS = 8  # of one tensor
 DTYPE, ITEM_BYTES = "float32", 4
-# Fields that are alike in the message and in the record.
-SAME = (
-    *("run_id", "learner_id", "first_version", "world_digest", "architecture", "algorithm"),
-    *("trajectory_steps", "policy_lag", "exploration", "inference", "software_version"),
-    *("control_period", "reward"),
-)
-SAME_OF_TRAJECTORY = (
-    *("agent_id", "incarnation", "sequence", "held_from", "first_of_run", "run_id", "episode"),
-    *("policy_version", "first_step", "world_digest", "hand_index", "ends_episode", "terminated"),
-)
+SAME = SharedFields(LearnerInfo, msg.LearnerInfo)
+SAME_OF_TRAJECTORY = SharedFields(Trajectory, msg.Trajectory)
 
 
 # Trajectories
 
 
 def encode_trajectory(trajectory: Trajectory) -> msg.Trajectory:
-    """Return a trajectory of one agent."""
+    """A trajectory of one agent."""
     message = msg.Trajectory()
     write_stamp(message.stamp, trajectory.stamp_ns)
-    copy_fields(message, trajectory, SAME_OF_TRAJECTORY)
+    SAME_OF_TRAJECTORY.write(message, trajectory)
     message.program = str(trajectory.program)
     message.transition_count = len(trajectory)
     message.object_count = trajectory.objects.shape[1]
@@ -68,12 +59,12 @@ def encode_trajectory(trajectory: Trajectory) -> msg.Trajectory:
 
 
 def decode_trajectory_key(message: msg.Trajectory) -> TrajectoryKey:
-    """Return the name of a trajectory without decoding the rest."""
+    """The name of a trajectory without decoding the rest."""
     return TrajectoryKey(message.agent_id, message.incarnation, message.sequence)
 
 
 def decode_trajectory(message: msg.Trajectory, world: World) -> Trajectory:
-    """Return a trajectory of the receiver's world. Raises WireError, ProgramError."""
+    """A trajectory of the receiver's world. Raises WireError, ProgramError."""
     if message.world_digest != world.digest:
         field, received = "trajectory.world_digest", message.world_digest
         raise WireError(field, world.digest, received, code="wire.world")
@@ -99,7 +90,7 @@ def decode_trajectory(message: msg.Trajectory, world: World) -> Trajectory:
         rewards=read_array("trajectory.rewards", message.rewards, np.float32, (length,)),
         measures=read_measures("trajectory.measures", message.measures, rows),
         stamp_ns=read_stamp(message.stamp),
-        **fields_of(message, SAME_OF_TRAJECTORY),
+        **SAME_OF_TRAJECTORY.read(message),
     )
 
 
@@ -107,17 +98,17 @@ def decode_trajectory(message: msg.Trajectory, world: World) -> Trajectory:
 
 
 def encode_learner_info(learner: LearnerInfo) -> msg.LearnerInfo:
-    """Return the latched announcement of a learner."""
+    """The latched announcement of a learner."""
     message = msg.LearnerInfo()
     write_stamp(message.stamp, learner.stamp_ns)
-    copy_fields(message, learner, SAME)
+    SAME.write(message, learner)
     message.thresholds = float64_field(np.asarray(learner.thresholds))
     message.wire_version = WIRE_VERSION
     return message
 
 
 def decode_learner_info(message: msg.LearnerInfo) -> LearnerInfo:
-    """Return what a learner asks of its agents. Raises WireError."""
+    """What a learner asks of its agents. Raises WireError."""
     check_version("learner_info", message)
     if not 1 <= message.trajectory_steps <= MAX_TRANSITIONS:
         field, expected = "learner_info.trajectory_steps", f"1 to {MAX_TRANSITIONS}"
@@ -125,7 +116,7 @@ def decode_learner_info(message: msg.LearnerInfo) -> LearnerInfo:
     thresholds = tuple(message.thresholds)
     check_positive("learner_info", control_period=(message.control_period,), thresholds=thresholds)
     return LearnerInfo(
-        **fields_of(message, SAME), thresholds=thresholds, stamp_ns=read_stamp(message.stamp)
+        **SAME.read(message), thresholds=thresholds, stamp_ns=read_stamp(message.stamp)
     )
 
 
@@ -133,7 +124,7 @@ def decode_learner_info(message: msg.LearnerInfo) -> LearnerInfo:
 
 
 def encode_weights(policy: PublishedPolicy) -> msg.PolicyWeights:
-    """Return a snapshot; its tensors follow one another in the payload."""
+    """A snapshot; its tensors follow one another in the payload."""
     snapshot = policy.snapshot
     message = msg.PolicyWeights()
     write_stamp(message.stamp, policy.stamp_ns)
@@ -160,12 +151,12 @@ def encode_weights(policy: PublishedPolicy) -> msg.PolicyWeights:
 
 
 def weights_checksum(snapshot: PolicySnapshot) -> str:
-    """Return the SHA-256 of a snapshot's payload, as its message states it."""
+    """The SHA-256 of a snapshot's payload, as its message states it."""
     return hashlib.sha256(_payload(snapshot)).hexdigest()
 
 
 def decode_weights(message: msg.PolicyWeights, world_digest: str | None = None) -> PublishedPolicy:
-    """Return a snapshot for the world of `world_digest` (None: any). Raises WireError."""
+    """A snapshot for the world of `world_digest` (None: any). Raises WireError."""
     if world_digest not in (None, message.world_digest):
         field, received = "policy_weights.world_digest", message.world_digest
         raise WireError(field, world_digest, received, code="wire.world")
@@ -195,7 +186,7 @@ def _mark(key: TrajectoryKey) -> msg.SequenceMark:
 
 
 def _read_tensors(message: msg.PolicyWeights) -> dict[str, Float32]:
-    """Return the tensors, which must have unique names and cover the payload without a gap."""
+    """The tensors, which must have unique names and cover the payload without a gap."""
     payload = memoryview(message.payload)
     digest = hashlib.sha256(payload).hexdigest()
     if digest != message.checksum:

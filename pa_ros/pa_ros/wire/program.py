@@ -11,14 +11,10 @@ import numpy as np
 
 from msgs_schema import action, msg
 from pa_ros.wire import WireError
-from pa_ros.wire.fields import copy_fields, fields_of, float32_field, read_stamp, write_stamp
+from pa_ros.wire.fields import SharedFields, float32_field, read_stamp, write_stamp
 
 NEVER = -1.0  # time_to_reach_s of a goal that was not reached
 LONGEST_S = 1e9
-# Fields that are alike in the message and in the record.
-SAME_OF_STATUS = ("program_id", "node", "canonical", "code", "reason", "position")
-SAME_OF_FEEDBACK = ("distance", "satisfied", "policy_version", "stage", "stages")
-SAME_OF_RESULT = ("success", "final_distance", "code", "reason", "position")
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,44 +73,49 @@ class GoalResult:
     position: int = -1  # character in the program's text; -1: not at one place
 
 
+SAME_OF_STATUS = SharedFields(ProgramStatus, msg.ProgramStatus)
+SAME_OF_FEEDBACK = SharedFields(GoalProgress, action.ExecuteProgram.Feedback)
+SAME_OF_RESULT = SharedFields(GoalResult, action.ExecuteProgram.Result)
+
+
 def program_id_of(text: str) -> str:
-    """Return the id of a program sent without one: a function of its text alone."""
+    """The id of a program sent without one: a function of its text alone."""
     return "text-" + hashlib.sha256(text.encode("utf-8", "replace")).hexdigest()[:12]
 
 
 def encode_program(request: ProgramRequest) -> msg.Program:
-    """Return a program to execute."""
+    """A program to execute."""
     return msg.Program(program_id=request.program_id, text=request.text)
 
 
 def decode_program(message: msg.Program) -> ProgramRequest:
-    """Return a request whose text is not checked yet: the parser does that."""
+    """A request whose text is not checked yet: the parser does that."""
     return ProgramRequest(message.program_id or program_id_of(message.text), message.text)
 
 
 def encode_program_status(status: ProgramStatus) -> msg.ProgramStatus:
-    """Return one node's answer to a program."""
+    """One node's answer to a program."""
     message = msg.ProgramStatus()
-    copy_fields(message, status, SAME_OF_STATUS)
+    SAME_OF_STATUS.write(message, status)
     message.status = message.ACCEPTED if status.accepted else message.REFUSED
     write_stamp(message.stamp, status.stamp_ns)
     return message
 
 
 def decode_program_status(message: msg.ProgramStatus) -> ProgramStatus:
-    """Return a node's answer. Raises WireError (`wire.range`) for a status that is neither."""
+    """A node's answer. Raises WireError (`wire.range`) for a status that is neither."""
     if message.status not in (msg.ProgramStatus.ACCEPTED, msg.ProgramStatus.REFUSED):
         expected = "ACCEPTED or REFUSED"
         raise WireError("program_status.status", expected, message.status, code="wire.range")
     return ProgramStatus(
         accepted=message.status == msg.ProgramStatus.ACCEPTED,
         stamp_ns=read_stamp(message.stamp),
-        **fields_of(message, SAME_OF_STATUS),
+        **SAME_OF_STATUS.read(message),
     )
 
 
 def encode_goal(goal: ProgramGoal) -> action.ExecuteProgram.Goal:
-    """Return the request for a program to be executed."""
+    """The request for a program to be executed."""
     return action.ExecuteProgram.Goal(
         # rclpy would read the bits of an int as those of a float.
         program=goal.text,
@@ -124,7 +125,7 @@ def encode_goal(goal: ProgramGoal) -> action.ExecuteProgram.Goal:
 
 
 def decode_goal(message: action.ExecuteProgram.Goal) -> ProgramGoal:
-    """Return the goal; the parser checks its text later. Raises WireError (`wire.range`)."""
+    """The goal; the parser checks its text later. Raises WireError (`wire.range`)."""
     for field in ("time_limit_s", "hold_s"):
         value = getattr(message, field)
         if not (isfinite(value) and 0.0 <= value <= LONGEST_S):
@@ -134,17 +135,17 @@ def decode_goal(message: action.ExecuteProgram.Goal) -> ProgramGoal:
 
 
 def encode_goal_feedback(progress: GoalProgress) -> action.ExecuteProgram.Feedback:
-    """Return the current state of a goal's execution."""
+    """The current state of a goal's execution."""
     message = action.ExecuteProgram.Feedback(
         objects=list(progress.objects),
         relevance=float32_field(np.array(progress.relevance, np.float32)),
     )
-    copy_fields(message, progress, SAME_OF_FEEDBACK)
+    SAME_OF_FEEDBACK.write(message, progress)
     return message
 
 
 def decode_goal_feedback(message: Any) -> GoalProgress:
-    """Return the current state of a goal's execution.
+    """The current state of a goal's execution.
 
     :param message: what an action client receives (`ExecuteProgram.Impl.FeedbackMessage`).
     """
@@ -152,19 +153,19 @@ def decode_goal_feedback(message: Any) -> GoalProgress:
     return GoalProgress(
         objects=tuple(feedback.objects),
         relevance=tuple(feedback.relevance),
-        **fields_of(feedback, SAME_OF_FEEDBACK),
+        **SAME_OF_FEEDBACK.read(feedback),
     )
 
 
 def encode_goal_result(result: GoalResult) -> action.ExecuteProgram.Result:
-    """Return how a goal ended."""
+    """How a goal ended."""
     message = action.ExecuteProgram.Result()
-    copy_fields(message, result, SAME_OF_RESULT)
+    SAME_OF_RESULT.write(message, result)
     message.time_to_reach_s = NEVER if result.time_to_reach_s is None else result.time_to_reach_s
     return message
 
 
 def decode_goal_result(message: action.ExecuteProgram.Result) -> GoalResult:
-    """Return how a goal ended."""
+    """How a goal ended."""
     reached_s = None if message.time_to_reach_s == NEVER else message.time_to_reach_s
-    return GoalResult(time_to_reach_s=reached_s, **fields_of(message, SAME_OF_RESULT))
+    return GoalResult(time_to_reach_s=reached_s, **SAME_OF_RESULT.read(message))

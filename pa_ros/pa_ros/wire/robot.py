@@ -23,7 +23,7 @@ ARROW_S = 0.5  # an arrow shows where the hand would be then
 
 
 def decode_transforms(message: TFMessage) -> list[Measurement]:
-    """Return the transforms of tf. Raises WireError."""
+    """The transforms of tf. Raises WireError."""
     found = []
     for one in message.transforms:
         moved = one.transform
@@ -33,13 +33,13 @@ def decode_transforms(message: TFMessage) -> list[Measurement]:
 
 
 def decode_tracked(message: PoseStamped, name: str) -> Measurement:
-    """Return a tracker's pose as that of the frame `name`. Raises WireError."""
+    """A tracker's pose as that of the frame `name`. Raises WireError."""
     pose = read_pose("pose", message.pose.position, message.pose.orientation)
     return str(message.header.frame_id), name, pose, header_stamp(message)
 
 
 def decode_detections(message: Detection3DArray, wanted: Mapping[str, str]) -> list[Measurement]:
-    """Return the detection of each wanted class with the highest score. Raises WireError.
+    """The detection of each wanted class with the highest score. Raises WireError.
 
     :param wanted: the frame that gets a class's pose, by class.
     """
@@ -58,7 +58,7 @@ def decode_detections(message: Detection3DArray, wanted: Mapping[str, str]) -> l
 def decode_driver_joints(
     message: JointState, names: Sequence[str]
 ) -> tuple[Float64, Float64, int] | None:
-    """Return positions [J] (rad), velocities [J] (rad/s) and the stamp (ns) of the named joints;
+    """Positions [J] (rad), velocities [J] (rad/s) and the stamp (ns) of the named joints;
     None for a message about other joints. Raises WireError."""
     received = list(message.name)
     if not set(names) <= set(received):
@@ -76,7 +76,7 @@ def encode_table(
     hand_velocity: Float64,
     stamp_ns: int,
 ) -> MarkerArray:
-    """Return the workspace, the measured hand and objects, and where the hand would move.
+    """The workspace, the measured hand and objects, and where the hand would move.
 
     :param frame: of all positions, m.
     :param box: lower and upper corner.

@@ -40,7 +40,7 @@ class Outcome:
 
 
 def encode_reset(request: ResetRequest) -> srv.Reset.Request:
-    """Return the request for an episode."""
+    """The request for an episode."""
     episode = srv.Reset.Request.EPISODE_NEXT if request.episode is None else request.episode
     return srv.Reset.Request(
         episode=episode, program=request.program, evaluation=request.evaluation
@@ -48,18 +48,18 @@ def encode_reset(request: ResetRequest) -> srv.Reset.Request:
 
 
 def decode_reset(message: srv.Reset.Request) -> ResetRequest:
-    """Return the wanted episode."""
+    """The wanted episode."""
     named = message.episode != srv.Reset.Request.EPISODE_NEXT
     return ResetRequest(message.episode if named else None, message.program, message.evaluation)
 
 
 def encode_speed(real_time_factor: float) -> srv.SetSpeed.Request:
-    """Return the request for another real-time factor."""
+    """The request for another real-time factor."""
     return srv.SetSpeed.Request(real_time_factor=float(real_time_factor))
 
 
 def decode_speed(message: srv.SetSpeed.Request) -> float:
-    """Return the wanted real-time factor. Raises WireError."""
+    """The wanted real-time factor. Raises WireError."""
     low, high = SPEEDS
     if not low <= message.real_time_factor <= high:
         field, received = "speed.real_time_factor", message.real_time_factor
@@ -80,7 +80,7 @@ def encode_outcome(response: Any, outcome: Outcome) -> Any:
 
 
 def decode_outcome(response: Any) -> Outcome:
-    """Return the answer to a call of any service of the arena.
+    """The answer to a call of any service of the arena.
 
     A request for the simulation state that is already current counts as a success.
     """
@@ -103,5 +103,5 @@ def decode_outcome(response: Any) -> Outcome:
 
 
 def decode_transition(message: Any) -> tuple[int, str]:
-    """Return the wanted lifecycle transition: its id, and its label if one was given."""
+    """The wanted lifecycle transition: its id, and its label if one was given."""
     return int(message.transition.id), str(message.transition.label)

@@ -32,7 +32,7 @@ Read = Callable[[Any], Any]  # reads a field of a message
 
 
 def read_key(path: Path) -> bytes:
-    """Return the key in a file that only its owner can read. Raises PaError
+    """The key in a file that only its owner can read. Raises PaError
     (`auth.key_file`).
 
     `head -c 32 /dev/urandom > FILE` makes one.
@@ -135,7 +135,7 @@ def _mac(key: bytes, topic: str, signed: Any) -> bytes:
 
 
 def _values(message: Any, arrays: list[bytes]) -> tuple[Any, Any]:
-    """Return all fields but the signature; the bytes of arrays are appended to `arrays`."""
+    """All fields but the signature; the bytes of arrays are appended to `arrays`."""
     single, numeric, lists = _fields(message.__class__)
     arrays += [read(message).tobytes() for read in numeric]
     return single(message), [

@@ -100,7 +100,7 @@ class EntityFilter:
     sphere: tuple[Float64, float] | None = None  # center and radius, m
 
     def within(self, body: Body) -> bool:
-        """Return whether a body's center is within the bounds; true without bounds."""
+        """Whether a body's center is within the bounds; true without bounds."""
         if self.box is not None:
             low, high = np.minimum(*self.box), np.maximum(*self.box)
             return bool(((low <= body.position) & (body.position <= high)).all())
@@ -174,17 +174,17 @@ def encode_spawnables(response: Any, described: dict[str, str]) -> Any:
 
 
 def encode_steps_feedback(completed: int, remaining: int) -> action.SimulateSteps.Feedback:
-    """Return the progress of an action simulate_steps."""
+    """The progress of an action simulate_steps."""
     return action.SimulateSteps.Feedback(completed_steps=completed, remaining_steps=remaining)
 
 
 def encode_steps_result(code: int, message: str = "") -> action.SimulateSteps.Result:
-    """Return how an action simulate_steps ended."""
+    """How an action simulate_steps ended."""
     return encode_result(action.SimulateSteps.Result(), code, message)
 
 
 def decode_places(response: Any) -> tuple[list[str], Float64]:
-    """Return the names of the entities, the hand first, and where they are, [N, 3] m."""
+    """The names of the entities, the hand first, and where they are, [N, 3] m."""
     positions = [read_vector(state.pose.position) for state in response.states]
     return [str(name) for name in response.entities], np.array(positions).reshape(-1, 3)
 
@@ -193,27 +193,27 @@ def decode_places(response: Any) -> tuple[list[str], Float64]:
 
 
 def encode_state_request(state: SimState) -> srv.SetSimulationState.Request:
-    """Return the request to pause simulation time, or to let it advance."""
+    """The request to pause simulation time, or to let it advance."""
     return srv.SetSimulationState.Request(state=msg.SimulationState(state=int(state)))
 
 
 def encode_steps_goal(steps: int) -> action.SimulateSteps.Goal:
-    """Return the goal of control periods of a paused arena."""
+    """The goal of control periods of a paused arena."""
     return action.SimulateSteps.Goal(steps=steps)
 
 
 def encode_state_change(entity: str, place: Body) -> srv.SetEntityState.Request:
-    """Return the request to put an entity somewhere, at rest."""
+    """The request to put an entity somewhere, at rest."""
     return srv.SetEntityState.Request(entity=entity, state=_state(place, 0))
 
 
 def decode_simulation_state(message: srv.SetSimulationState.Request) -> int:
-    """Return the wanted state, one of `SimState` or not."""
+    """The wanted state, one of `SimState` or not."""
     return int(message.state.state)
 
 
 def decode_simulation_steps(message: srv.StepSimulation.Request | action.SimulateSteps.Goal) -> int:
-    """Return the wanted control periods. Raises WireError."""
+    """The wanted control periods. Raises WireError."""
     most = MAX_STEPS if isinstance(message, srv.StepSimulation.Request) else 2**63 - 1
     if not 1 <= message.steps <= most:
         raise WireError("step_simulation.steps", f"1 to {most}", message.steps, code="wire.range")
@@ -221,17 +221,17 @@ def decode_simulation_steps(message: srv.StepSimulation.Request | action.Simulat
 
 
 def decode_scope(message: srv.ResetSimulation.Request) -> int:
-    """Return what to reset, a sum of `Scope` or not."""
+    """What to reset, a sum of `Scope` or not."""
     return int(message.scope)
 
 
 def decode_entity(message: Any) -> str:
-    """Return the name of the entity that a request is about."""
+    """The name of the entity that a request is about."""
     return str(message.entity)
 
 
 def decode_filters(message: Any) -> EntityFilter:
-    """Return which entities to answer with. Raises WireError for impossible bounds."""
+    """Which entities to answer with. Raises WireError for impossible bounds."""
     filters: msg.EntityFilters = message.filters
     box, sphere = _bounds(filters.bounds)
     return EntityFilter(
@@ -245,14 +245,14 @@ def decode_filters(message: Any) -> EntityFilter:
 
 
 def decode_spawning(message: srv.SpawnEntity.Request) -> Spawning:
-    """Return the block to add. Raises WireError for another frame."""
+    """The block to add. Raises WireError for another frame."""
     _check_frame("spawn_entity.initial_pose", message.initial_pose.header.frame_id)
     uri, body = message.uri or message.resource_string, _body(message.initial_pose.pose)
     return Spawning(message.name, message.allow_renaming, uri, body)
 
 
 def decode_state_change(message: srv.SetEntityState.Request) -> tuple[str, Body]:
-    """Return an entity's name and its new state. Raises WireError for another frame."""
+    """An entity's name and its new state. Raises WireError for another frame."""
     _check_frame("set_entity_state.state", message.state.header.frame_id)
     return message.entity, _body(message.state.pose, message.state.twist)
 
@@ -284,7 +284,7 @@ def _check_frame(field: str, frame: str) -> None:
 def _bounds(
     bounds: msg.Bounds,
 ) -> tuple[tuple[Float64, Float64] | None, tuple[Float64, float] | None]:
-    """Return the corners of a box, and center and radius of a sphere: one of them, or none."""
+    """The corners of a box, and center and radius of a sphere: one of them, or none."""
     if bounds.type == msg.Bounds.TYPE_EMPTY:
         return None, None
     if bounds.type not in (msg.Bounds.TYPE_BOX, msg.Bounds.TYPE_SPHERE):

@@ -58,7 +58,7 @@ NOT_JUDGED = Verdict(0.0, False, math.inf, False)
 
 
 def encode_step(step: Step, into: msg.ObjectFeatures | None = None) -> msg.ObjectFeatures:
-    """Return one control step."""
+    """One control step."""
     message = into or msg.ObjectFeatures()
     observation, executed = step.observation, step.executed or NO_COMMAND
     verdict = step.verdict or NOT_JUDGED
@@ -77,9 +77,7 @@ def encode_step(step: Step, into: msg.ObjectFeatures | None = None) -> msg.Objec
     message.joint_velocity = float64_field(observation.joint_velocity)
     message.hand_pose = float64_field(observation.hand_pose)
     message.judged = step.verdict is not None
-    message.reward, message.satisfied = verdict.reward, verdict.satisfied
-    message.distance, message.truncated = verdict.distance, verdict.truncated
-    message.stage, message.violated = verdict.stage, verdict.violated
+    _write_verdict(message, verdict)
     message.measures = float64_field(np.array(verdict.measures or ()))
     return message
 
@@ -87,7 +85,7 @@ def encode_step(step: Step, into: msg.ObjectFeatures | None = None) -> msg.Objec
 def decode_step(
     message: msg.ObjectFeatures, joints: int | None = None, width: int | None = None
 ) -> Step:
-    """Return one control step. Raises WireError.
+    """One control step. Raises WireError.
 
     :param joints: J, joints of the arena's arm; None: any.
     :param width: F, features of an object in the receiver's world; None: any.
@@ -128,22 +126,25 @@ def decode_step(
 
 
 def arena_of(message: msg.ObjectFeatures) -> str:
-    """Return the id of the arena that sent a step."""
+    """The id of the arena that sent a step."""
     return str(message.arena_id)
 
 
 def encode_verdict(step: Step, into: msg.Verdict | None = None) -> msg.Verdict:
-    """Return the verdict on a step that was judged, for people."""
+    """The verdict on a step that was judged, for people."""
     message = into or msg.Verdict()
     observation = step.observation
     write_stamp(message.stamp, observation.stamp_ns)
     message.episode, message.step = observation.episode, observation.step
     message.evaluation, message.program_id = step.evaluation, observation.program_id
-    verdict = step.verdict or NOT_JUDGED
+    _write_verdict(message, step.verdict or NOT_JUDGED)
+    return message
+
+
+def _write_verdict(message: msg.ObjectFeatures | msg.Verdict, verdict: Verdict) -> None:
     message.reward, message.satisfied = verdict.reward, verdict.satisfied
     message.distance, message.truncated = verdict.distance, verdict.truncated
     message.stage, message.violated = verdict.stage, verdict.violated
-    return message
 
 
 def _read_verdict(message: msg.ObjectFeatures) -> Verdict:
@@ -160,7 +161,7 @@ def _read_verdict(message: msg.ObjectFeatures) -> Verdict:
 
 
 def objects_and_hand(where: str, message: msg.ObjectFeatures | msg.Trajectory) -> tuple[int, int]:
-    """Return the checked number of objects and the hand's row. Raises WireError."""
+    """The checked number of objects and the hand's row. Raises WireError."""
     count, hand_index = message.object_count, message.hand_index
     if not 1 <= count <= MAX_OBJECTS:
         raise WireError(f"{where}.object_count", f"1 to {MAX_OBJECTS}", count, code="wire.range")
@@ -173,7 +174,7 @@ def objects_and_hand(where: str, message: msg.ObjectFeatures | msg.Trajectory) -
 def encode_joints(
     observation: Observation, joint_names: tuple[str, ...], into: JointState | None = None
 ) -> JointState:
-    """Return the joint states of one observation, for tools that know no other message of ours."""
+    """The joint states of one observation, for tools that know no other message of ours."""
     message = into or JointState()
     write_stamp(message.header.stamp, observation.stamp_ns)
     message.name = list(joint_names)
@@ -183,7 +184,7 @@ def encode_joints(
 
 
 def encode_command(command: Command, into: msg.JointCommand | None = None) -> msg.JointCommand:
-    """Return an agent's answer to one observation."""
+    """An agent's answer to one observation."""
     message = into or msg.JointCommand()
     message.stamp.sec, message.stamp.nanosec = divmod(command.stamp_ns, NS)
     message.episode = command.episode
@@ -196,7 +197,7 @@ def encode_command(command: Command, into: msg.JointCommand | None = None) -> ms
 
 
 def decode_command(message: msg.JointCommand, joints: int | None = None) -> Command:
-    """Return a command; the arm clamps it to [-1, 1]. Raises WireError.
+    """A command; the arm clamps it to [-1, 1]. Raises WireError.
 
     :param joints: number of joints of the receiver's arm; None: any.
     """
@@ -214,12 +215,12 @@ def decode_command(message: msg.JointCommand, joints: int | None = None) -> Comm
 
 
 def step_answered(message: msg.JointCommand) -> int:
-    """Return the stamp of the step that a command answers, ns."""
+    """The stamp of the step that a command answers, ns."""
     return read_stamp(message.stamp)
 
 
 def encode_clock(stamp_ns: int, into: Clock | None = None) -> Clock:
-    """Return simulation time for /clock."""
+    """Simulation time for /clock."""
     message = into or Clock()
     write_stamp(message.clock, stamp_ns)
     return message

@@ -47,12 +47,12 @@ class Solid:
 
 
 def encode_text(text: str) -> String:
-    """Return plain text."""
+    """Plain text."""
     return String(data=text)
 
 
 def encode_transforms(bodies: Mapping[str, Body], stamp_ns: int) -> TFMessage:
-    """Return the poses of bodies in the frame WORLD, by the names of their own frames."""
+    """The poses of bodies in the frame WORLD, by the names of their own frames."""
     transforms = []
     for name, body in bodies.items():
         placed = TransformStamped(child_frame_id=name)
@@ -65,7 +65,7 @@ def encode_transforms(bodies: Mapping[str, Body], stamp_ns: int) -> TFMessage:
 
 
 def encode_markers(solids: Sequence[Solid], stamp_ns: int, shown: int = 0) -> MarkerArray:
-    """Return a marker and a label for each solid.
+    """A marker and a label for each solid.
 
     :param shown: number of solids in the last message; markers of those that are gone are deleted.
     """
@@ -91,7 +91,7 @@ def encode_markers(solids: Sequence[Solid], stamp_ns: int, shown: int = 0) -> Ma
 def encode_outlines(
     markers: MarkerArray, places: Float64, relevance: Sequence[float]
 ) -> MarkerArray | None:
-    """Return a shell around each block of an arena's markers, as opaque as p; None without blocks.
+    """A shell around each block of an arena's markers, as opaque as p; None without blocks.
 
     :param places: where the observed objects are, [N, 3] m. A camera sees them in another order.
     :param relevance: p of each of them; a block that is not among them has 0.
@@ -109,7 +109,7 @@ def encode_outlines(
 
 
 def encode_image(picture: NDArray[np.uint8], frame: str, stamp_ns: int) -> Image:
-    """Return a picture [height, width, 3] RGB, seen from the optical frame `frame`."""
+    """A picture [height, width, 3] RGB, seen from the optical frame `frame`."""
     height, width, channels = picture.shape
     message = Image(height=height, width=width, encoding="rgb8", step=channels * width)
     message.header.frame_id = frame
@@ -121,7 +121,7 @@ def encode_image(picture: NDArray[np.uint8], frame: str, stamp_ns: int) -> Image
 def encode_camera_info(
     matrix: Float64, width: int, height: int, frame: str, stamp_ns: int
 ) -> CameraInfo:
-    """Return the intrinsics of a camera without distortion.
+    """The intrinsics of a camera without distortion.
 
     :param matrix: K [3, 3] px.
     :param frame: the camera's optical frame.
@@ -135,7 +135,7 @@ def encode_camera_info(
 
 
 def decode_image(message: Image) -> tuple[int, NDArray[np.uint8]]:
-    """Return the stamp (ns) of a picture, and the picture: RGB, [height, width, 3].
+    """The stamp (ns) of a picture, and the picture: RGB, [height, width, 3].
 
     Raises WireError (`wire.encoding`) unless it is rgb8 or bgr8, `wire.size` if it is not whole.
     """
@@ -153,7 +153,7 @@ def decode_image(message: Image) -> tuple[int, NDArray[np.uint8]]:
 
 
 def decode_camera_matrix(message: CameraInfo) -> Float64:
-    """Return K [3, 3] px. Raises WireError (`wire.uncalibrated`) if the camera has none."""
+    """K [3, 3] px. Raises WireError (`wire.uncalibrated`) if the camera has none."""
     matrix = np.array(message.k, np.float64).reshape(3, 3)
     if not (np.isfinite(matrix).all() and matrix[0, 0] > 0 and matrix[1, 1] > 0):
         expected = "the matrix of a calibrated camera"
@@ -175,7 +175,7 @@ def _color(marker: Any, rgba: Sequence[float]) -> None:
 
 
 def read_pose(name: str, position: Any, orientation: Any) -> Float64:
-    """Return a pose [7], with a quaternion of length 1, from its two parts. Raises WireError."""
+    """A pose [7], with a quaternion of length 1, from its two parts. Raises WireError."""
     numbers = [*read_vector(position), *read_vector(orientation, "xyzw")]
     pose = read_array(name, numbers, np.float64, (7,), LARGEST)
     length = float(np.linalg.norm(pose[3:]))
@@ -194,7 +194,7 @@ def encode_setpoint(
     period_s: float,
     stamp_ns: int,
 ) -> Message:
-    """Return a command for ros2_control or MoveIt Servo that holds for one control period.
+    """A command for ros2_control or MoveIt Servo that holds for one control period.
 
     :param form: `velocity` (an array in the order of the joints), `joint_trajectory` (one point a
         period ahead) or `joint_jog`.

@@ -17,7 +17,7 @@ import numpy as np
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64
-from pa_ros.core.extensions import Registry
+from pa_ros.core.registry import Registry
 from pa_ros.language.syntax import HAND
 from pa_ros.world.poses import IDENTITY, POSE_WIDTH, in_base, in_hand
 

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.core.extensions import Registry
+from pa_ros.core.registry import Registry
 from pa_ros.core.settings import canonical_json, read_json
 
 

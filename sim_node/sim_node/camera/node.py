@@ -18,7 +18,6 @@ from pydantic import Field
 from pa_ros.arena import preset_named
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Step
-from pa_ros.core.extensions import NodeSettings
 from pa_ros.learning.checkpoints import camera_of
 from pa_ros.perception import sight_of
 from pa_ros.ros import topics
@@ -26,6 +25,7 @@ from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import ERROR, OK, WARN
 from pa_ros.ros.lifecycle import ManagedNode
 from pa_ros.ros.peers import PeerMonitor
+from pa_ros.ros.settings import NodeSettings
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, decode_arena_info, encode_arena_info
 from pa_ros.wire.step import arena_of, decode_step, encode_step

@@ -12,13 +12,13 @@ from pydantic import Field
 from pa_ros.arena.errors import ArenaError
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, Step
-from pa_ros.core.extensions import NodeSettings
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import ERROR, OK, WARN
 from pa_ros.ros.lifecycle import ManagedNode
 from pa_ros.ros.peers import PeerMonitor, is_restarted_agent
 from pa_ros.ros.refusals import RateLimiter, answer_program
+from pa_ros.ros.settings import NodeSettings
 from pa_ros.wire import Message
 from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.program import decode_program, encode_program_status

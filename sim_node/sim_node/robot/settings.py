@@ -13,7 +13,7 @@ from pa_ros.arena import ArenaChoice, Kind
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64
 from pa_ros.core.settings import Settings
-from pa_ros.core.text import read_yaml
+from pa_ros.core.yaml_text import read_yaml
 from pa_ros.wire.step import MAX_OBJECTS
 from pa_ros.world.poses import IDENTITY
 

@@ -3,7 +3,7 @@
 from pa_ros.arena.arms.arm import ArmModel, Joint
 from pa_ros.arena.arms.jaco import JACO
 from pa_ros.arena.arms.panda import PANDA
-from pa_ros.core.extensions import Registry
+from pa_ros.core.registry import Registry
 
 __all__ = ["ARMS", "ArmModel", "Joint"]
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.core.extensions import Registry
+from pa_ros.core.registry import Registry
 from pa_ros.core.update import Engine
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkConfig

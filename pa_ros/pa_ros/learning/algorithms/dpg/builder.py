@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from pa_ros.native.library import why_not_network
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import Tensors, initial_actor, initial_critic
 from pa_ros.world.programs import ProgramTable
+
+if TYPE_CHECKING:  # it needs the library, which may be absent
+    from pa_ros.native.engine import FusedEngine
 
 log = logging.getLogger(__name__)
 
@@ -40,11 +44,35 @@ def make_engine(
 
         made = TorchDPG(network, config, table, actor, critic)
     else:
-        from pa_ros.native.engine import FusedEngine
-
-        made = FusedEngine(network, config, table, actor, critic)
+        made = fused_engine(network, config, table, actor, critic)
     log.info("learner engine: %s%s", made.name, f" ({reason})" if reason else "")
     return made
+
+
+def fused_engine(
+    network: NetworkConfig,
+    config: DPGConfig,
+    table: ProgramTable,
+    actor: Tensors,
+    critic: Tensors,
+) -> FusedEngine:
+    """The fused engine; it takes numbers, and knows no settings."""
+    from pa_ros.native.engine import FusedEngine
+
+    optimizer, detectors = config.optimizer, config.detectors
+    return FusedEngine(
+        *(network, table, actor, critic, optimizer.share, config.engine.threads),
+        actor_rate=optimizer.actor_rate,
+        critic_rate=optimizer.critic_rate,
+        beta1=optimizer.beta1,
+        beta2=optimizer.beta2,
+        epsilon=optimizer.epsilon,
+        clip=config.gradient_clip,
+        action_penalty=config.action_penalty,
+        detector_gain=detectors.gain,
+        sparsity=detectors.sparsity,
+        free_from=detectors.free_from,
+    )
 
 
 def initial_networks(

@@ -2,10 +2,10 @@
 
 import pytest
 
-from agent_node.inputs import PROGRAMS, ProgramBook
 from pa_ros.core.errors import PaError
 from pa_ros.language import ProgramError, Vocabulary
 from pa_ros.wire.program import ProgramRequest
+from pa_ros.wire.program_book import PROGRAMS, ProgramBook
 
 
 @pytest.fixture
