@@ -133,18 +133,14 @@ class World:
 
     def to_data(self) -> dict[str, Any]:
         """Return it as data for JSON."""
-        added: dict[str, Any] = {"moves_objects": True} if self.vocabulary.moves_objects else {}
-        if self.vocabulary.avoids:
-            added["avoids"] = True
-        if self.controller is not None:
-            added["controller"] = self.controller.to_data()
-        return {
-            **added,
+        data = {
+            **self.vocabulary.to_data(),
             "objects": self.schema.to_data(),
-            "words": [[group.name, list(group.words)] for group in self.vocabulary.groups],
             "joints": self.joints,
-            "relations": list(self.relations),
         }
+        if self.controller is not None:
+            data["controller"] = self.controller.to_data()
+        return data
 
     @classmethod
     def from_data(cls, data: Any) -> World:
