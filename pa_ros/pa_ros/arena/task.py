@@ -56,7 +56,7 @@ class Verifier:
         Raises ConfigError for an unknown relation.
         """
         # Raise ConfigError for an unknown relation now, not at the first step.
-        scoring.threshold(program.relation)
+        scoring.threshold_of(program)
         words = _words(kinds)
         self.program = program
         sets = roles(program, words, HAND_INDEX, schema.bodiless)
@@ -78,9 +78,8 @@ class Verifier:
                 choose(comparison, one, objects, hand_pose, self._schema)
                 for comparison, one in zip(self.program.chosen, self._sets, strict=True)
             )
-        moved = None if self.program.moves_hand else self.moved
-        relation = self.program.relation
-        return self._scoring.of_targets(self.targets, objects, relation, hand_pose, moved)
+        sets = self.moved, self.targets
+        return self._scoring.of_program(self.program, sets, objects, hand_pose)
 
 
 class GoalVerifier:

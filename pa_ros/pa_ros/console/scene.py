@@ -177,7 +177,7 @@ def _mesh(geom: Any, factor: float) -> Any:
 def _outline(stage: Stage, block: Any) -> Any:
     """Return where the program's relation to a block begins to hold, as line segments [S, 2, 3]."""
     program = stage.task.program
-    threshold = stage.task.scoring.threshold(program.relation, not program.moves_hand)
+    threshold = stage.task.scoring.threshold_of(program)
     moved = stage.task.simulation.positions[stage.task.verifier.moved[0]]
     line = RELATIONS[program.relation].outline(moved, np.array(block), threshold)
     points = np.column_stack([line, np.full(len(line), LINE_HEIGHT_M)])

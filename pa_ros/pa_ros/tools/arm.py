@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from pa_ros import Result
 from pa_ros.acting.execution import ENDED, HOLD_S, window_s
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.language import parse, parse_goal, require_possible
+from pa_ros.language import parse, parse_goal
 from pa_ros.tools.client import NoAnswerError
 from pa_ros.tools.connection import Connection
 from pa_ros.tools.domain import DomainClaim
@@ -152,11 +152,9 @@ class Arm:
         where blocks are only seen, the arena alone knows whether it names one.
         """
         scene = self.scene()
-        vocabulary = scene.arena.world.vocabulary
-        parsed = parse_goal(program, vocabulary)
-        if scene.arena.world.schema.tells_words:
-            present = [name.split() for name in scene.blocks]
-            require_possible(parsed, present, None, vocabulary.bodiless)
+        world, seen = scene.arena.world, scene.step.observation
+        parsed = parse_goal(program, world.vocabulary)
+        world.require_possible(parsed, seen.objects, seen.hand_index)
         return str(parsed)
 
     def explain(self, program: str = "") -> Explanation:
@@ -293,7 +291,7 @@ class Arm:
         """Put a block, by its number in `scene().blocks` (the first is 0), somewhere on the table
         (m)."""
         scene = self.scene()
-        places = None if scene.arena.world.schema.tells_words else scene.places
+        places = scene.places if scene.arena.perception else None
         self.graph.services.move(block, float(x), float(y), places)
 
     def close(self) -> None:

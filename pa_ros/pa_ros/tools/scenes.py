@@ -16,7 +16,7 @@ from rclpy.qos import qos_profile_sensor_data
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Float64, Step
 from pa_ros.core.text import printable
-from pa_ros.language import parse, require_target
+from pa_ros.language import HAND, parse, require_target
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import ARENA_INFO, OBJECT_FEATURES, SAMPLES
@@ -206,7 +206,7 @@ def suggested_programs(arena: ArenaDescription, names: Iterable[str]) -> tuple[s
         parts += [f"{near}(HAND, NOT({word}))" for word in known[:1]]
     # In a scene blocks come before places: each of these moves one to the next.
     pushes = [f"{near}({one}, {other})" for one, other in pairwise(whole)]
-    pushes += [str(program) for program in arena.training_programs if not program.moves_hand]
+    pushes += [str(program) for program in arena.training_programs if HAND not in program.sets]
     reaches = [f"{near}(HAND, {one})" for one in whole]
     found: dict[str, None] = {}
     for text in (*pushes, *reaches, *map(str, arena.training_programs), *parts):

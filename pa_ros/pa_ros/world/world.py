@@ -12,7 +12,7 @@ import numpy as np
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64, Observation
 from pa_ros.core.settings import canonical_json, read_json
-from pa_ros.language.vocabulary import Vocabulary
+from pa_ros.language import Goal, Vocabulary, require_possible
 from pa_ros.world.controller import AXES, HandController
 from pa_ros.world.poses import POSE_WIDTH
 from pa_ros.world.relation import RELATIONS
@@ -121,6 +121,15 @@ class World:
         if not self.schema.tells_words:
             raise ConfigError("truth: expected properties that are told, got ones that are seen")
         return self.told(objects)
+
+    def require_possible(self, goal: Goal, objects: Float32, hand_index: int) -> None:
+        """Raise ProgramError if objects [N, F] tell that a goal cannot hold (`require_possible`).
+
+        Objects that are seen don't tell what they are.
+        """
+        if self.schema.tells_words:
+            words = [name.split() for name in self.schema.labels(objects, hand_index)]
+            require_possible(goal, words, hand_index, self.vocabulary.bodiless)
 
     def told(self, objects: Float32) -> Float32:
         """Words [..., N, V] that the features of objects [..., N, F] tell: 1 where a word is true.
