@@ -22,11 +22,7 @@ SLACK_RAD = 0.02  # a joint this close to its limit is not moved further
 
 def scripted_action(task: ReachTask) -> Float64:
     """Joint velocities (rad/s, [J]) toward a place where the program is satisfied. Privileged."""
-    if task.program.moves_hand:
-        if task.program.avoided is not None and task.program.relation == NEAR:
-            return from_above(task, nearest_target(task))
-        return pursue(task, nearest_target(task))
-    return push(task, *nearest_pair(task))
+    return task.design.skill.script(task)
 
 
 def nearest_target(task: ReachTask) -> Float64:
@@ -118,6 +114,14 @@ def from_above(task: ReachTask, target: Float64) -> Float64:
         return toward(task, target + np.array([0.0, 0.0, OVER_TARGET]))
     place = target if hand[2] > HIGH_ENOUGH else hand
     return toward(task, np.array([*place[:2], CLEAR_HEIGHT]))
+
+
+def reach(task: ReachTask, target: Float64) -> Float64:
+    """Joint velocities (rad/s, [J]) that satisfy the program at `target` ([3] m in the table's
+    frame), and keep the hand away from what the program avoids."""
+    if task.program.avoided is not None and task.program.relation == NEAR:
+        return from_above(task, target)
+    return pursue(task, target)
 
 
 def pursue(task: ReachTask, target: Float64) -> Float64:

@@ -165,7 +165,7 @@ class ReachTask:
         # A value without a look must not surface at the first episode that happens to draw it.
         for kind in (*design.extended_pool, *design.places):
             look_of(kind)
-        if design.vocabulary.moves_objects and not config.arm_touches_blocks:
+        if design.skill.touches_blocks and not config.arm_touches_blocks:
             raise ConfigError(
                 f"design {design.name}: expected a preset whose arm touches blocks, such as "
                 f"{design.preset}, got {config.preset}"

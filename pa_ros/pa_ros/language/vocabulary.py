@@ -104,7 +104,7 @@ class Vocabulary:
         check_words(program, self.row)
 
     def to_data(self) -> dict[str, Any]:
-        """Words, relations, and what programs may do besides relating the hand, as data for JSON."""
+        """Words, relations and what else programs may do, as data for JSON."""
         more = {name: True for name in ("moves_objects", "avoids") if getattr(self, name)}
         words = [[group.name, list(group.words)] for group in self.groups]
         return {"words": words, "relations": list(self.relations), **more}
