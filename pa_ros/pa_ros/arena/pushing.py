@@ -20,7 +20,7 @@ from pa_ros.arena.episodes import PLACEMENT_TRIES, Block, Episode, Spot, spots_f
 from pa_ros.arena.errors import ArenaError
 from pa_ros.arena.references import nearest_pair, push, reach
 from pa_ros.arena.simulation import HAND_INDEX
-from pa_ros.arena.skills import SKILLS, DemoProgram, Skill, two_alike
+from pa_ros.arena.skills import SKILLS, SUCCESS, DemoProgram, Skill, two_alike
 from pa_ros.arena.task import ReachTask
 from pa_ros.core.experience import Float64
 from pa_ros.language import HAND, Program, parse, roles, satisfying
@@ -50,7 +50,7 @@ class Pushing(Skill):
     preset = "push"
     touches_blocks = True
     does = "pushes blocks; it cannot grasp"
-    score = "success_rate"
+    score = SUCCESS
     demo_conditions = "eval", "moved-only-color"
 
     def training_programs(self, design: Design) -> tuple[Program, ...]:

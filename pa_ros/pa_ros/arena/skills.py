@@ -21,6 +21,10 @@ if TYPE_CHECKING:  # they look up the skill of a design
     from pa_ros.core.experience import Float64
     from pa_ros.language import Program
 
+NORMALIZED, SUCCESS = "normalized", "success_rate"
+"""How agents are judged: by their reward, 0 for a random policy and 1 for the script, or by the
+share of episodes at whose end the program is satisfied."""
+
 
 @dataclass(frozen=True)
 class DemoProgram:
@@ -45,9 +49,8 @@ class Skill(ABC):
     """Whether the arm has to touch blocks."""
     does: ClassVar[str]
     """What an agent does and does not, in words that follow "It"."""
-    score: ClassVar[str] = "normalized"
-    """How agents are judged: by their reward between a random policy and the script, or by the
-    share of episodes at whose end the program is satisfied ("success_rate")."""
+    score: ClassVar[str] = NORMALIZED
+    """NORMALIZED or SUCCESS."""
     demo_conditions: ClassVar[tuple[str, str]]
     """Conditions of scenes to show: as in training; and with fewer blocks of one color."""
 

@@ -52,6 +52,7 @@ class Stage:
         program = parse(anything, self._vocabulary)
         self.task.reset_to(Episode(self._number, "train", blocks, start, program))
         self._looks, self._shown = row.looks, None
+        self._all_known = not any(isinstance(block, _SeenBlock) for block in blocks)
 
     def show(self, row: Row) -> None:
         """Put arm and blocks where a row says."""
@@ -75,7 +76,7 @@ class Stage:
             try:
                 pursued = stages(parse_goal(row.program, self._vocabulary))[row.stage]
                 self.task.set_program(pursued)
-                named = self._schema.tells_words  # else blocks are only seen
+                named = self._all_known
             except (ProgramError, IndexError):  # no program is in force, or its text is unrecorded
                 named = False
             if not named:
