@@ -17,7 +17,7 @@ from pa_ros.arena import (
 )
 from pa_ros.arena.camera import PICTURES
 from pa_ros.bags.episodes import RecordedEpisode, Row
-from pa_ros.bags.film import Stage
+from pa_ros.bags.film import RecordedScene
 from pa_ros.core.errors import ConfigError
 from pa_ros.provenance import describe
 from pa_ros.world.poses import in_base
@@ -237,7 +237,7 @@ def test_places_are_told_where_blocks_are_seen(calibration: Cameras) -> None:
     assert verdict.measures[own] == verdict.distance
     # Films show places as they are, and blocks in grey.
     about = replace(describe(PUSHED, task.design, 0, (), "a"), world=task.world)
-    stage = Stage(RecordedEpisode(0, False, [Row.of(observation, "")]), about)
+    stage = RecordedScene(RecordedEpisode(0, False, [Row.of(observation, "")]), about)
     shapes = [block.look.shape for block in stage.task.episode.blocks]
     assert shapes == [PLACE, PLACE, "CUBE", "CUBE", "CUBE", "CUBE"]
     task.close()

@@ -51,7 +51,7 @@ class FlatObservation:
         slots = np.zeros((len(self._slot), self._world.object_features), dtype=np.float32)
         for block, row in zip(task.episode.blocks, observation.objects[1:], strict=True):
             slots[self._slot[block.kind]] = row
-        return np.concatenate([self._world.arm(observation), slots.ravel(), self._goal(task)])
+        return np.concatenate([self._world.arm(observation), slots.ravel(), self._asked(task)])
 
     def check(self, task: ReachTask) -> None:
         """Raise ConfigError unless the observation states all that the program says."""
@@ -75,8 +75,8 @@ class FlatObservation:
             return frozenset()
         return task.episode.blocks[named[0] - 1].kind.words & self._vocabulary.row.keys()
 
-    def _goal(self, task: ReachTask) -> Float32:
-        """The goal as words and relation, [V + R] or [2V + R]."""
+    def _asked(self, task: ReachTask) -> Float32:
+        """The program as words and relation, [V + R] or [2V + R]."""
         vocabulary = self._vocabulary
         words = np.zeros((len(self._sets), len(vocabulary.words)), dtype=np.float32)
         for row, name in zip(words, self._sets, strict=True):

@@ -12,12 +12,12 @@ import numpy as np
 from pa_ros.arena.arms import ARMS
 from pa_ros.arena.conditions import Condition, Term
 from pa_ros.arena.config import ArenaConfig
-from pa_ros.arena.controllers import joints_at
 from pa_ros.arena.deep_programs import DeepPrograms
 from pa_ros.arena.designs import Design, Kind, kinds
 from pa_ros.arena.drawn_programs import terms_for
 from pa_ros.arena.episodes import PLACEMENT_TRIES, Block, Episode, Spot, spots_for
 from pa_ros.arena.errors import ArenaError
+from pa_ros.arena.kinematics import joints_at
 from pa_ros.arena.references import nearest_pair, push, reach
 from pa_ros.arena.simulation import HAND_INDEX
 from pa_ros.arena.skills import SKILLS, SUCCESS, DemoProgram, Skill, two_alike
@@ -56,8 +56,8 @@ class Pushing(Skill):
     def training_programs(self, design: Design) -> tuple[Program, ...]:
         """Programs that move each training block to each place (and to each other training block),
         then those that reach for each block and place."""
-        moves = [(kind.conjunction, goal) for kind, goal in product(design.train, _goals(design))
-                 if kind != goal]  # fmt: skip
+        moves = [(kind.conjunction, to) for kind, to in product(design.train, _destinations(design))
+                 if kind != to]  # fmt: skip
         reaches = [(HAND.name, kind) for kind in (*design.train, *design.places)]
         return tuple(
             parse(f"{relation}({moved}, {target.conjunction})", design.vocabulary)
@@ -74,7 +74,7 @@ class Pushing(Skill):
             return Condition(name, tuple(targets), **{"pool": pool, "n_blocks": n, **changed})
 
         # A training block; in half of the episodes the hand starts beside it.
-        yield condition("train", _goals(design), moved=design.train, near_starts=NEAR_STARTS)
+        yield condition("train", _destinations(design), moved=design.train, near_starts=NEAR_STARTS)
         # A held-out block.
         yield condition("eval", moved=zero_shot)
         # Any, a training, a held-out block, to another block.
@@ -195,7 +195,7 @@ class Pushing(Skill):
 SKILLS.register("push", Pushing())
 
 
-def _goals(design: Design) -> tuple[Kind, ...]:
+def _destinations(design: Design) -> tuple[Kind, ...]:
     """The targets to which training programs move blocks."""
     return (*design.places, *(design.train if design.pairs else ()))
 
@@ -276,17 +276,17 @@ def _layout(
             continue
         if not moves_block:
             return spots, chosen
-        goals = chosen if to_place else spots
+        targets = chosen if to_place else spots
         pairs = [
             (i, j)
             for i, spot in enumerate(spots)
-            for j, goal in enumerate(goals)
-            if low <= _apart(spot, goal) <= high
+            for j, target in enumerate(targets)
+            if low <= _apart(spot, target) <= high
         ]
-        if len(pairs) < min(PAIRS, blocks * len(goals) // 2):
+        if len(pairs) < min(PAIRS, blocks * len(targets) // 2):
             continue
         i, j = pairs[int(rng.integers(len(pairs)))]
-        first, second = spots[i], goals[j]
+        first, second = spots[i], targets[j]
         rest = [spot for spot in spots if spot not in (first, second)]
         if to_place:
             return [first, *rest], [second, *(spot for spot in chosen if spot != second)]

@@ -11,10 +11,10 @@ import numpy as np
 from pa_ros.arena.appearance import look_of
 from pa_ros.arena.conditions import condition_named, training_programs
 from pa_ros.arena.config import ArenaConfig
-from pa_ros.arena.controllers import hand_controller
 from pa_ros.arena.designs import Design, Kind
 from pa_ros.arena.episodes import Episode, generate
 from pa_ros.arena.errors import ArenaError
+from pa_ros.arena.kinematics import hand_controller
 from pa_ros.arena.simulation import HAND_INDEX, Simulation
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64, Observation, Verdict

@@ -25,8 +25,8 @@ from pa_ros.world.relation import at_stage, measured
 from pa_ros.world.schema import MIDDLE_EDGE_M, ObjectSchema
 
 
-class Stage:
-    """A scene that shows recorded states. Nothing is simulated."""
+class RecordedScene:
+    """Shows recorded states. Nothing is simulated."""
 
     def __init__(self, episode: RecordedEpisode, arena: ArenaDescription) -> None:
         """Raises BagError if a row lacks the joints' positions."""
@@ -99,16 +99,16 @@ def film(
     `rendered`: in perspective instead of from above. Raises RenderError without OpenGL.
     """
     check_movie(path)
-    pictures = _pictures(episode, Stage(episode, arena), rendered, side_px)
+    pictures = _pictures(episode, RecordedScene(episode, arena), rendered, side_px)
     return write_movie(path, pictures, arena.control_period)
 
 
 def _pictures(
-    episode: RecordedEpisode, stage: Stage, rendered: bool, side_px: int
+    episode: RecordedEpisode, scene: RecordedScene, rendered: bool, side_px: int
 ) -> Iterator[Picture]:
     for row in episode.rows:
-        stage.show(row)
-        yield captioned(draw(stage.task, side_px, rendered), _caption(row))
+        scene.show(row)
+        yield captioned(draw(scene.task, side_px, rendered), _caption(row))
 
 
 def _caption(row: Row) -> tuple[str, str]:

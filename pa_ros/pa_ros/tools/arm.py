@@ -82,7 +82,7 @@ class Arm:
         :raises ConfigError: if there is one, but in another namespace.
         """
         self.graph = graph or Connection(namespace, patience, domain)
-        self.goal: Goal | None = None
+        self.goal: GoalHandle | None = None
         self._made_sender: ProgramSender | None = None
         try:
             self.graph.join()
@@ -207,7 +207,7 @@ class Arm:
         code, reason = ("", "") if found.satisfied else ENDED[found.ended]
         return Result(program, found.satisfied, found.distance, found.reached_s, reason, code)
 
-    def start(self, program: str, timeout: float | None = None, hold: float = HOLD_S) -> Goal:
+    def start(self, program: str, timeout: float | None = None, hold: float = HOLD_S) -> GoalHandle:
         """Begin to execute a program as `execute` does, and return at once.
 
         A timeout of 0 is none. Raises NoAnswerError if no agent takes goals.
@@ -216,7 +216,7 @@ class Arm:
         if not self.graph.until(self.graph.goals.server_is_ready):
             raise NoAnswerError(f"execute: {NO_AGENT}", code="arm.no_agent")
         given = window_s(text) if timeout is None else timeout
-        self.goal = Goal(self.graph, ProgramGoal(text, given, hold))
+        self.goal = GoalHandle(self.graph, ProgramGoal(text, given, hold))
         return self.goal
 
     def cancel(self) -> None:
@@ -317,7 +317,7 @@ class Arm:
         return self._made_sender
 
 
-class Goal:
+class GoalHandle:
     """A program that an agent executes. Iterate over it for its progress; `result()` waits."""
 
     def __init__(self, graph: Connection, wanted: ProgramGoal) -> None:
@@ -402,7 +402,7 @@ class Goal:
         """Raise NoAnswerError if the agent is silent, or the arena's time stands still."""
         graph, now = self.graph, time.monotonic()
         silent_s = now - self._heard_at
-        still_s = now - max(self._began, graph.monitor.moved_at)
+        still_s = now - max(self._began, graph.monitor.stepped_at)
         if max(silent_s, still_s) < graph.patience:
             return
         what = "the agent fell silent: does its node still run?"

@@ -102,13 +102,13 @@ class Scene:
         Blocks whose properties are only seen are grey squares."""
         from pa_ros.arena.render import top_view
         from pa_ros.bags.episodes import RecordedEpisode, Row
-        from pa_ros.bags.film import Stage
+        from pa_ros.bags.film import RecordedScene
 
         seen = self.step.observation
         row = Row.of(seen, self.step.program)
-        stage = Stage(RecordedEpisode(seen.episode, False, [row]), self.arena)
-        stage.show(row)
-        return top_view(stage.task, side_px)
+        scene = RecordedScene(RecordedEpisode(seen.episode, False, [row]), self.arena)
+        scene.show(row)
+        return top_view(scene.task, side_px)
 
     def shown_distance(self) -> str:
         """The distance with its unit, and whether the program is satisfied."""
@@ -131,7 +131,7 @@ class SceneMonitor:
         """`namespace` is below the node's; with a slash, anywhere."""
         self.arena: ArenaDescription | None = None
         self.scene: Scene | None = None  # the newest; None: no sample or step has arrived
-        self.moved_at = time.monotonic()  # when the arena's time was last seen to advance
+        self.stepped_at = time.monotonic()  # when the arena's time was last seen to advance
         self._node = node
         self._step_reader: Any = None
         guard = Refusals(lambda _: None).guard  # the graph's nodes report what can't be decoded
@@ -160,7 +160,7 @@ class SceneMonitor:
         world = self.arena.world
         before, step = self.scene, decode_step(message, world.joints, world.object_features)
         if before is None or step.observation.stamp_ns != before.step.observation.stamp_ns:
-            self.moved_at = time.monotonic()
+            self.stepped_at = time.monotonic()
         self.scene = Scene(self.arena, step)
 
 
