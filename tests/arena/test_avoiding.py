@@ -13,7 +13,8 @@ from pa_ros.arena import (
     preset_named,
     scripted_action,
 )
-from pa_ros.arena.episodes import AVOID_WITHIN_M, Block
+from pa_ros.arena.avoiding import AVOID_WITHIN_M
+from pa_ros.arena.episodes import Block
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import And, Not, Or, Program, parse, satisfying
 

@@ -32,7 +32,7 @@ from pa_ros.arena import (
     world_of,
 )
 from pa_ros.arena.config import ArenaChoice
-from pa_ros.arena.controllers import hand_controller, joints_at
+from pa_ros.arena.kinematics import hand_controller, joints_at
 from pa_ros.arena.rearranging import bodies, rearrange
 from pa_ros.arena.render import top_view
 from pa_ros.cli.main import main

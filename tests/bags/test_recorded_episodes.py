@@ -15,7 +15,7 @@ from PIL import Image, ImageSequence
 from helpers.recordings import STEPS, acted, rearranged, rewritten
 from pa_ros.bags.episodes import RecordedEpisode, episodes
 from pa_ros.bags.experience import arenas_of
-from pa_ros.bags.film import Stage
+from pa_ros.bags.film import RecordedScene
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.main import main
 
@@ -26,10 +26,10 @@ def export(bag: Path, *arguments: str | Path) -> int:
     return main(["bag", "export", str(bag), *map(str, arguments)])
 
 
-def first_episode(path: Path) -> tuple[RecordedEpisode, Stage]:
+def first_episode(path: Path) -> tuple[RecordedEpisode, RecordedScene]:
     with Bag(path) as bag:
         episode, arena = next(iter(episodes(bag))), arenas_of(bag)[-1]
-    return episode, Stage(arena, episode.rows[0].step)
+    return episode, RecordedScene(arena, episode.rows[0].step)
 
 
 def test_the_parts_of_each_step_are_joined(stepped):

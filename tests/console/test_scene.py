@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("viser", reason="the extra `console` is not installed")
 
 from pa_ros.arena import ReachTask, design_named, preset_named
-from pa_ros.bags.film import Stage
+from pa_ros.bags.film import RecordedScene
 from pa_ros.console import scene
 from pa_ros.console.moment import Moment
 from pa_ros.console.scene import ArenaScene, label_heights
@@ -41,12 +41,12 @@ def test_old_scenes_are_freed_at_once(no_collector, monkeypatch):
     """A page that is open while an arena learns shows another scene every second."""
     made: list[weakref.ref] = []
 
-    class Remembered(Stage):
+    class Remembered(RecordedScene):
         def __init__(self, *given):
             super().__init__(*given)
             made.extend((weakref.ref(self), weakref.ref(self.task.simulation)))
 
-    monkeypatch.setattr(scene, "Stage", Remembered)
+    monkeypatch.setattr(scene, "RecordedScene", Remembered)
     with ConsoleServer(ConsoleSettings(port=0)) as server:
         shown = ArenaScene(server.viser)
         for moment in moments(8):

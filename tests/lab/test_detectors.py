@@ -21,7 +21,7 @@ from laboratory.studies.tables import read_rows
 from pa_ros.acting.executing import Actor
 from pa_ros.agents import TrainedAgent
 from pa_ros.arena import design_named, world_of
-from pa_ros.arena.conditions import novel
+from pa_ros.arena.drawn_programs import novel
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import MIN_MAX, PRODUCT, Logic, parse
 from pa_ros.networks.config import NetworkConfig

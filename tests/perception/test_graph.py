@@ -20,7 +20,7 @@ from pa_ros.agents import load_agent
 from pa_ros.arena.render import top_view
 from pa_ros.bags.episodes import episodes
 from pa_ros.bags.experience import Experience, arenas_of
-from pa_ros.bags.film import Stage
+from pa_ros.bags.film import RecordedScene
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import learner_of, verify
 from pa_ros.cli import main as cli
@@ -75,7 +75,7 @@ def test_a_run_from_pictures_is_repeated_to_the_last_bit(recorded: Path) -> None
 def test_a_film_shows_blocks_that_were_only_seen_in_grey(recorded: Path) -> None:
     with Bag(recorded / "bag") as bag:
         episode, arena = next(iter(episodes(bag))), arenas_of(bag)[-1]
-    stage = Stage(arena, episode.rows[0].step)
+    stage = RecordedScene(arena, episode.rows[0].step)
     stage.show(episode.rows[-1].step)
     assert stage.task.verifier.named == ()
     table = top_view(stage.task, 200).reshape(-1, 3).astype(int)

@@ -16,7 +16,7 @@ from pa_ros.arena import (
     training_programs,
 )
 from pa_ros.arena.camera import PICTURES
-from pa_ros.bags.film import Stage
+from pa_ros.bags.film import RecordedScene
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Step
 from pa_ros.provenance import describe
@@ -237,7 +237,7 @@ def test_places_are_told_where_blocks_are_seen(calibration: Cameras) -> None:
     assert verdict.measures[own] == verdict.distance
     # Films show places as they are, and blocks in grey.
     about = replace(describe(PUSHED, task.design, 0, (), "a"), world=task.world)
-    stage = Stage(about, Step(observation))
+    stage = RecordedScene(about, Step(observation))
     shapes = [block.look.shape for block in stage.task.episode.blocks]
     assert shapes == [PLACE, PLACE, "CUBE", "CUBE", "CUBE", "CUBE"]
     task.close()

@@ -21,7 +21,7 @@ from helpers.waiting import wait_for
 from pa_ros import Arm
 from pa_ros.core.errors import PaError
 from pa_ros.language import ProgramError
-from pa_ros.tools.arm import Goal
+from pa_ros.tools.arm import GoalHandle
 from pa_ros.tools.client import NoAnswerError
 from pa_ros.wire.program import GoalResult, ProgramGoal, encode_goal_result
 
@@ -164,12 +164,14 @@ def test_coming_near_what_is_to_be_avoided_is_a_result() -> None:
     assert ended_with(violated).result().code == "goal.violated"
 
 
-def ended_with(result: object, accepted: bool = True) -> Goal:
+def ended_with(result: object, accepted: bool = True) -> GoalHandle:
     """A goal that an agent ended with this message."""
     ended = Mock(result=lambda: Mock(result=result))
     handle = Mock(accepted=accepted, get_result_async=lambda: ended)
     goals = Mock(send_goal_async=lambda *_, **__: Mock(result=lambda: handle))
-    return Goal(Mock(goals=goals, patience=1.0, call=lambda act: act()), ProgramGoal(REACHABLE))
+    return GoalHandle(
+        Mock(goals=goals, patience=1.0, call=lambda act: act()), ProgramGoal(REACHABLE)
+    )
 
 
 def test_an_arm_that_is_not_closed_ends_with_its_process(arm: Arm, tmp_path: Path) -> None:

@@ -107,8 +107,8 @@ def run(options: argparse.Namespace) -> int:
 def _train(options: argparse.Namespace, seeds: Sequence[int]) -> int:
     """Train seeds, here or on a cluster. Tables are written even if some seeds failed."""
     from laboratory.studies.cluster import Cluster, train_seeds_on
-    from laboratory.studies.experiments import SUCCESS
     from laboratory.studies.seeds import folder_of, tabulate, train_seeds
+    from pa_ros.arena.skills import SUCCESS
 
     experiment = _experiment(options, options.name)
     folder = options.runs / experiment.label
@@ -148,7 +148,8 @@ def _conditions(
 
 def _experiment(options: argparse.Namespace, name: str) -> Experiment:
     """The experiment with the settings that were given."""
-    from laboratory.studies.experiments import ABLATIONS, EXPERIMENTS, SUCCESS, under_recipe
+    from laboratory.studies.experiments import ABLATIONS, EXPERIMENTS, under_recipe
+    from pa_ros.arena.skills import SUCCESS
     from pa_ros.learning.recipes import LearningSettings
 
     experiment = EXPERIMENTS[name]

@@ -19,12 +19,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_card(run: Path, cache: Path) -> dict[str, object]:
     """Scores on fresh episodes and versions, for the policy's metadata."""
-    from laboratory.studies.experiments import FINAL_EPISODES, NORMALIZED, SUCCESS, final_scores
+    from laboratory.studies.experiments import FINAL_EPISODES, final_scores
     from pa_ros.agents import load_agent
     from pa_ros.core.software import device, versions
 
     held_out, trained = final_scores(run, cache)
-    score = SUCCESS if load_agent(run).design.vocabulary.moves_objects else NORMALIZED
+    score = load_agent(run).design.skill.score
     return {
         "episodes": FINAL_EPISODES,
         f"held_out.{score}": held_out,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pa_ros.acting.insight import Insight
 from pa_ros.agents import TrainedAgent
 from pa_ros.arena import Design, Episode, ReachTask, conditions_for
-from pa_ros.arena.conditions import novel
+from pa_ros.arena.drawn_programs import novel
 from pa_ros.core.experience import Float32, Observation
 from pa_ros.evaluation.evaluate import EPISODES_SEED
 from pa_ros.language import Logic, parse, relevance, satisfying

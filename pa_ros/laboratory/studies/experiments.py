@@ -21,6 +21,7 @@ from laboratory.studies.tables import (
 )
 from pa_ros.agents import camera_of, load_agent, train_agent
 from pa_ros.arena import ArenaConfig, Design, design_named, preset_for, scoring_of
+from pa_ros.arena.skills import NORMALIZED, SUCCESS
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device, versions
 from pa_ros.language import PRODUCT
@@ -38,9 +39,6 @@ log = logging.getLogger(__name__)
 
 SOLVED = 0.9  # held-out score
 FINAL_EPISODES = 100
-# Measures in learning curves: reward beside the references, and, where objects are moved, the share
-# of episodes that end with the program satisfied.
-NORMALIZED, SUCCESS = "normalized", "success_rate"
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,7 @@ class Experiment:
     @property
     def score(self) -> str:
         """The measure by which it is judged: NORMALIZED or SUCCESS."""
-        return SUCCESS if self.task.vocabulary.moves_objects else NORMALIZED
+        return self.task.skill.score
 
     @property
     def settings(self) -> LearningSettings:
@@ -341,17 +339,18 @@ def summarize(
 def final_scores(folder: Path, cache: Path, episodes: int = FINAL_EPISODES) -> tuple[float, float]:
     """Scores of a run's last checkpoint on fresh episodes, held out and in training.
 
-    The agent acts by PRODUCT, as it did while it learned. Where it moves objects, scores are the
-    shares of episodes that succeed, and it acts by the default logic, as in tables of conditions.
+    The agent acts by PRODUCT, as it did while it learned. Where it is judged by success, scores are
+    the shares of episodes that succeed, and it acts by the default logic, as in tables of
+    conditions.
     """
     agent = load_agent(folder)
-    pushes = agent.design.vocabulary.moves_objects
-    agent = agent if pushes else replace(agent, logic=PRODUCT)
+    by_success = agent.design.skill.score == SUCCESS
+    agent = agent if by_success else replace(agent, logic=PRODUCT)
     scorer = Scorer(Benchmark(agent.design, agent.arena, episodes), cache)
 
     def score(condition: str) -> float:
         own = scorer.agent(agent, condition)
-        if pushes:
+        if by_success:
             return float(np.mean([one.success for one in own]))
         return scorer.normalized(condition, own)
 

@@ -16,9 +16,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 from numpy.typing import NDArray
 
-from laboratory.studies.experiments import NORMALIZED, SOLVED, SUCCESS, SeedSummary
+from laboratory.studies.experiments import SOLVED, SeedSummary
 from laboratory.studies.tables import read_curves, read_setting
 from laboratory.studies.variants import Variant
+from pa_ros.arena.skills import NORMALIZED, SUCCESS
 from pa_ros.evaluation.drawing import save
 from pa_ros.evaluation.scores import mean_interval
 

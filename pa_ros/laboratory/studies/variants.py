@@ -10,13 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from laboratory.studies.experiments import (
-    NORMALIZED,
-    SeedSummary,
-    seeds_table,
-    summarize,
-)
+from laboratory.studies.experiments import SeedSummary, seeds_table, summarize
 from laboratory.studies.tables import EvaluationError, read_curves, read_rows, read_setting
+from pa_ros.arena.skills import NORMALIZED
 from pa_ros.evaluation.scores import mean_interval
 from pa_ros.learning.recipes import DPG
 

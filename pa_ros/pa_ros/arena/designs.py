@@ -8,6 +8,7 @@ from functools import cached_property
 from itertools import product
 from typing import Any
 
+from pa_ros.arena.skills import SKILLS, Skill
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.registry import Registry
 from pa_ros.language.vocabulary import Vocabulary
@@ -81,6 +82,8 @@ class Design:
     block. Empty: all blocks of a size are equal."""
     unseen_edges_m: Mapping[str, tuple[float, float]] = field(default_factory=dict, hash=False)
     """The same for conditions with sizes that training has not."""
+    skill_name: str = ""
+    """What programs do, one of SKILLS; empty: what the vocabulary says."""
 
     def __post_init__(self) -> None:
         self._check_values()
@@ -124,9 +127,16 @@ class Design:
                 raise ConfigError(f"design {self.name}: no word in the vocabulary for {unnamed}")
 
     @property
+    def skill(self) -> Skill:
+        """What programs do; ConfigError if it is not registered."""
+        words = self.vocabulary
+        usual = "push" if words.moves_objects else "avoid" if words.avoids else "reach"
+        return SKILLS[self.skill_name or usual]
+
+    @property
     def preset(self) -> str:
         """The arena's preset, unless another one is chosen."""
-        return "push" if self.vocabulary.moves_objects else "fast"
+        return self.skill.preset
 
     @property
     def pool(self) -> tuple[Kind, ...]:
@@ -145,6 +155,17 @@ class Design:
     def trains(self, relation: str, kind: Kind) -> bool:
         """Whether the combination of a relation and a training target is not held out."""
         return (relation, kind) not in self.held_out_combinations
+
+    def relations_for(
+        self, kind: Kind, among: tuple[str, ...] = (), held_out: bool | None = None
+    ) -> tuple[str, ...]:
+        """The relations of programs for a target, `among` these or all: only those whose
+        combination with it is held out (True), none of them (False), or any (None)."""
+        return tuple(
+            relation
+            for relation in among or self.vocabulary.relations
+            if held_out in (None, not self.trains(relation, kind))
+        )
 
     @property
     def extended_pool(self) -> tuple[Kind, ...]:

@@ -41,8 +41,9 @@ class FlatObservation:
         kinds += design.places
         self._slot = {kind: i for i, kind in enumerate(kinds)}
         size = world.arm_features + world.object_features * len(self._slot)
-        arguments = 2 if self._vocabulary.moves_objects else 1
-        size += arguments * len(self._vocabulary.words) + self._vocabulary.relation_inputs
+        # The verifier's sets that programs choose; else the hand is what is moved.
+        self._sets = ("moved", "targets") if self._vocabulary.moves_objects else ("targets",)
+        size += len(self._sets) * len(self._vocabulary.words) + self._vocabulary.relation_inputs
         self.space = spaces.Box(-np.inf, np.inf, (size,), np.float32)
 
     def __call__(self, observation: Observation, task: ReachTask) -> Float32:
@@ -50,7 +51,7 @@ class FlatObservation:
         slots = np.zeros((len(self._slot), self._world.object_features), dtype=np.float32)
         for block, row in zip(task.episode.blocks, observation.objects[1:], strict=True):
             slots[self._slot[block.kind]] = row
-        return np.concatenate([self._world.arm(observation), slots.ravel(), self._goal(task)])
+        return np.concatenate([self._world.arm(observation), slots.ravel(), self._asked(task)])
 
     def check(self, task: ReachTask) -> None:
         """Raise ConfigError unless the observation states all that the program says."""
@@ -74,15 +75,13 @@ class FlatObservation:
             return frozenset()
         return task.episode.blocks[named[0] - 1].kind.words & self._vocabulary.row.keys()
 
-    def _goal(self, task: ReachTask) -> Float32:
-        """The goal as words and relation, [V + R] or [2V + R]."""
-        vocabulary, verifier = self._vocabulary, task.verifier
-        sets = (
-            (verifier.moved, verifier.targets) if vocabulary.moves_objects else (verifier.targets,)
-        )
-        words = np.zeros((len(sets), len(vocabulary.words)), dtype=np.float32)
-        for row, named in zip(words, sets, strict=True):
-            row[[vocabulary.row[word] for word in self._words(task, named)]] = 1.0
+    def _asked(self, task: ReachTask) -> Float32:
+        """The program as words and relation, [V + R] or [2V + R]."""
+        vocabulary = self._vocabulary
+        words = np.zeros((len(self._sets), len(vocabulary.words)), dtype=np.float32)
+        for row, name in zip(words, self._sets, strict=True):
+            named = self._words(task, getattr(task.verifier, name))
+            row[[vocabulary.row[word] for word in named]] = 1.0
         relations = np.zeros(vocabulary.relation_inputs, dtype=np.float32)
         if len(relations):
             relations[vocabulary.relation_row[task.program.relation]] = 1.0
@@ -136,9 +135,9 @@ class StructuredObservation:
             "arm": self._world.arm(observation),
             "program": self._instructions(program, code),
         }
-        if self._vocabulary.moves_objects:
+        if "sets" in self.space.spaces:
             parts["sets"] = np.array([code.moved, code.target], np.int64)
-        if self._vocabulary.avoids:
+        if "avoided" in self.space.spaces:
             parts["avoided"] = np.int64(code.avoided)
         if "relation" in self.space.spaces:
             parts["relation"] = np.int64(code.relation)

@@ -1,4 +1,4 @@
-"""Reference policies: a scripted controller with privileged information, and random actions."""
+"""Reference policies: a script with privileged information, and random actions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from math import atan2, copysign, hypot, pi
 import numpy as np
 
 from pa_ros.arena.arms import ARMS
-from pa_ros.arena.controllers import hand_controller
+from pa_ros.arena.kinematics import hand_controller
 from pa_ros.arena.task import ReachTask
 from pa_ros.core.experience import Float64
 from pa_ros.language.syntax import NEAR, Program
@@ -22,11 +22,7 @@ SLACK_RAD = 0.02  # a joint this close to its limit is not moved further
 
 def scripted_action(task: ReachTask) -> Float64:
     """Joint velocities (rad/s, [J]) toward a place where the program is satisfied. Privileged."""
-    if task.program.moves_hand:
-        if task.program.avoided is not None and task.program.relation == NEAR:
-            return from_above(task, nearest_target(task))
-        return pursue(task, nearest_target(task))
-    return push(task, *nearest_pair(task))
+    return task.design.skill.script(task)
 
 
 def nearest_target(task: ReachTask) -> Float64:
@@ -49,21 +45,21 @@ def nearest_pair(task: ReachTask) -> tuple[int, int]:
 PUSH_HEIGHT = 0.085  # of the hand while it pushes
 TRAVEL_HEIGHT = 0.17  # of the hand while it passes over blocks
 BEHIND = 0.095  # from the block's center to the hand's, before it pushes
-ON_LINE = 0.035  # the hand pushes if it is this close to the line through block and goal
-ARRIVED, TOUCHING = 0.02, 0.065  # from the goal's center: of a place, of a block
+ON_LINE = 0.035  # the hand pushes if it is this close to the line from the block to its place
+ARRIVED, TOUCHING = 0.02, 0.065  # from the center of a place, of a block
 PUSH_SPEED, TRAVEL_SPEED = 0.25, 0.5
 
 
 def push(task: ReachTask, moved: int, target: int) -> Float64:
     """Joint velocities (rad/s, [J]) that push one object to where the relation to another holds:
-    over it at height, down behind it, and along the line to the goal."""
+    over it at height, down behind it, and along the line to where it should be."""
     positions, relation = task.simulation.positions, RELATIONS[task.program.relation]
-    hand, block, goal = positions[0], positions[moved], positions[target]
+    hand, block, place = positions[0], positions[moved], positions[target]
     if target == 0:
         return toward(task, block + np.array([0.0, 0.0, PUSH_HEIGHT]))
     if relation.name != NEAR:
-        goal = relation.goal(block, goal, task.scoring.threshold(relation.name, between=True))
-    way, offset = (goal - block)[:2], (hand - block)[:2]
+        place = relation.goal(block, place, task.scoring.threshold(relation.name, between=True))
+    way, offset = (place - block)[:2], (hand - block)[:2]
     distance, solid = float(np.hypot(*way)), relation.name == NEAR and _is_solid(task, target)
     if distance < (TOUCHING if solid else ARRIVED):
         return np.zeros(task.config.joints)
@@ -120,6 +116,14 @@ def from_above(task: ReachTask, target: Float64) -> Float64:
     return toward(task, np.array([*place[:2], CLEAR_HEIGHT]))
 
 
+def reach(task: ReachTask, target: Float64) -> Float64:
+    """Joint velocities (rad/s, [J]) that satisfy the program at `target` ([3] m in the table's
+    frame), and keep the hand away from what the program avoids."""
+    if task.program.avoided is not None and task.program.relation == NEAR:
+        return from_above(task, target)
+    return pursue(task, target)
+
+
 def pursue(task: ReachTask, target: Float64) -> Float64:
     """Joint velocities (rad/s, [J]) that bring the hand into the program's relation to `target`
     ([3] m in the table's frame)."""
@@ -128,8 +132,8 @@ def pursue(task: ReachTask, target: Float64) -> Float64:
     return toward(task, RELATIONS[relation].goal(hand, target, threshold))
 
 
-def toward(task: ReachTask, goal: Float64) -> Float64:
-    """Joint velocities (rad/s, [J]) toward `goal` ([3] m in the table's frame).
+def toward(task: ReachTask, place: Float64) -> Float64:
+    """Joint velocities (rad/s, [J]) toward `place` ([3] m in the table's frame).
 
     Damped least squares on the hand's Jacobian in cylindrical coordinates (radius, azimuth,
     height), so that the base turns toward a target behind the arm, in the direction that its range
@@ -137,7 +141,7 @@ def toward(task: ReachTask, goal: Float64) -> Float64:
     """
     simulation = task.simulation
     hand = simulation.positions[0]
-    error = _cylindrical_error(task, hand, goal)
+    error = _cylindrical_error(task, hand, place)
     jacobian = _cylindrical_jacobian(hand, simulation.hand_jacobian())
     # As if the hand had to arrive within one step; `_limited` then slows it down to what the arm
     # can do.
@@ -175,9 +179,9 @@ def mean_reward(task: ReachTask, policy: Policy, episodes: int, condition: str =
     return float(np.mean([reward_per_step(task, policy, i, condition) for i in range(episodes)]))
 
 
-def _cylindrical_error(task: ReachTask, hand: Float64, goal: Float64) -> Float64:
-    """Goal minus hand: radius (m), azimuth (rad, as the base can turn), height (m)."""
-    turn = atan2(goal[1], goal[0]) - atan2(hand[1], hand[0])
+def _cylindrical_error(task: ReachTask, hand: Float64, place: Float64) -> Float64:
+    """Place minus hand: radius (m), azimuth (rad, as the base can turn), height (m)."""
+    turn = atan2(place[1], place[0]) - atan2(hand[1], hand[0])
     turn = (turn + pi) % (2 * pi) - pi  # the shorter direction
     if not _turns_freely(task):
         low, high = task.config.joint_lower[0], task.config.joint_upper[0]
@@ -186,7 +190,7 @@ def _cylindrical_error(task: ReachTask, hand: Float64, goal: Float64) -> Float64
         base = task.simulation.joint_position[0]
         if not low <= base + turn <= high and low <= base + other <= high:
             turn = other
-    return np.array([hypot(*goal[:2]) - hypot(*hand[:2]), turn, goal[2] - hand[2]])
+    return np.array([hypot(*place[:2]) - hypot(*hand[:2]), turn, place[2] - hand[2]])
 
 
 def _turns_freely(task: ReachTask) -> bool:

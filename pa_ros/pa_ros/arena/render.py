@@ -66,7 +66,6 @@ def top_view(task: ReachTask, side_px: int = 480) -> NDArray[np.uint8]:
 def outline(task: ReachTask) -> Float64:
     """The line around the places where the program's relation to the nearest target holds, from
     above: [M, 2] m. The program must name present objects."""
-    relation, positions = task.program.relation, task.simulation.positions
-    moved, target = nearest_pair(task)
-    threshold = task.scoring.threshold(relation, between=not task.program.moves_hand)
-    return RELATIONS[relation].outline(positions[moved], positions[target], threshold)
+    program, positions = task.program, task.simulation.positions
+    places = (positions[i] for i in nearest_pair(task))
+    return RELATIONS[program.relation].outline(*places, task.scoring.threshold_of(program))

@@ -11,10 +11,10 @@ import numpy as np
 from pa_ros.arena.appearance import look_of
 from pa_ros.arena.conditions import condition_named, training_programs
 from pa_ros.arena.config import ArenaConfig, check_fits
-from pa_ros.arena.controllers import hand_controller
 from pa_ros.arena.designs import Design, Kind
 from pa_ros.arena.episodes import Episode, generate
 from pa_ros.arena.errors import ArenaError
+from pa_ros.arena.kinematics import hand_controller
 from pa_ros.arena.simulation import HAND_INDEX, Simulation
 from pa_ros.core.experience import Float32, Float64, Observation, Verdict
 from pa_ros.language import Goal, Program, require_possible, roles
@@ -55,7 +55,7 @@ class Verifier:
         Raises ConfigError for an unknown relation.
         """
         # Raise ConfigError for an unknown relation now, not at the first step.
-        scoring.threshold(program.relation)
+        scoring.threshold_of(program)
         words = _words(kinds)
         self.program = program
         sets = roles(program, words, HAND_INDEX, schema.bodiless)
@@ -77,9 +77,8 @@ class Verifier:
                 choose(comparison, one, objects, hand_pose, self._schema)
                 for comparison, one in zip(self.program.chosen, self._sets, strict=True)
             )
-        moved = None if self.program.moves_hand else self.moved
-        relation = self.program.relation
-        return self._scoring.of_targets(self.targets, objects, relation, hand_pose, moved)
+        sets = self.moved, self.targets
+        return self._scoring.of_program(self.program, sets, objects, hand_pose)
 
 
 class GoalVerifier:

@@ -24,8 +24,8 @@ from pa_ros.world.relation import at_stage, measured
 from pa_ros.world.schema import MIDDLE_EDGE_M, POSE, ObjectSchema
 
 
-class Stage:
-    """A scene that shows recorded states. Nothing is simulated."""
+class RecordedScene:
+    """Shows recorded states. Nothing is simulated."""
 
     def __init__(self, arena: ArenaDescription, step: Step) -> None:
         """The scene of one of the arena's steps."""
@@ -49,6 +49,7 @@ class Stage:
         program = parse(anything, self._vocabulary)
         self.task.reset_to(Episode(seen.episode, "train", blocks, start, program))
         self._looks, self._shown = looks(seen), None
+        self._all_known = not any(isinstance(block, _SeenBlock) for block in blocks)
 
     def show(self, step: Step) -> None:
         """Put arm and blocks where a step says."""
@@ -72,7 +73,7 @@ class Stage:
             try:
                 pursued = stages(parse_goal(step.program, self._vocabulary))[step.stage]
                 self.task.set_program(pursued)
-                named = self._schema.tells_words  # else blocks are only seen
+                named = self._all_known
             except (ProgramError, IndexError):  # no program is in force, or its text is unrecorded
                 named = False
             if not named:
@@ -100,16 +101,17 @@ def film(
     `rendered`: in perspective instead of from above. Raises RenderError without OpenGL.
     """
     check_movie(path)
-    pictures = _pictures(episode, Stage(arena, episode.rows[0].step), rendered, side_px)
+    scene = RecordedScene(arena, episode.rows[0].step)
+    pictures = _pictures(episode, scene, rendered, side_px)
     return write_movie(path, pictures, arena.control_period)
 
 
 def _pictures(
-    episode: RecordedEpisode, stage: Stage, rendered: bool, side_px: int
+    episode: RecordedEpisode, scene: RecordedScene, rendered: bool, side_px: int
 ) -> Iterator[Picture]:
     for row in episode.rows:
-        stage.show(row.step)
-        yield captioned(draw(stage.task, side_px, rendered), _caption(row))
+        scene.show(row.step)
+        yield captioned(draw(scene.task, side_px, rendered), _caption(row))
 
 
 def _caption(row: Row) -> tuple[str, str]:

@@ -22,7 +22,7 @@ from pa_ros.arena.render import draw
 from pa_ros.bags.episodes import RecordedEpisode, Row
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.export import pyarrow_with_parquet
-from pa_ros.bags.film import Stage
+from pa_ros.bags.film import RecordedScene
 from pa_ros.core.files import write_whole, written_beside
 from pa_ros.wire.arena import ArenaDescription
 
@@ -226,12 +226,12 @@ def _film(
     path: Path, episode: RecordedEpisode, arena: ArenaDescription, side_px: int
 ) -> dict[str, list[Any]]:
     """Write the film of an episode's frames; returns the statistics of a tenth of its pictures."""
-    stage, sampled = Stage(arena, episode.rows[0].step), list[NDArray[Any]]()
+    scene, sampled = RecordedScene(arena, episode.rows[0].step), list[NDArray[Any]]()
 
     def pictures() -> Iterable[NDArray[np.uint8]]:
         for k, row in enumerate(episode.rows[:-1]):
-            stage.show(row.step)
-            picture = draw(stage.task, side_px, rendered=False)
+            scene.show(row.step)
+            picture = draw(scene.task, side_px, rendered=False)
             if k % 10 == 0:
                 sampled.append(picture.reshape(-1, 3) / 255.0)
             yield picture

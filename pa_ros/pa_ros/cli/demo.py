@@ -33,7 +33,7 @@ from pa_ros.ros.topics import OBJECT_FEATURES
 from pa_ros.tools.arm import Arm
 from pa_ros.tools.client import client_node
 from pa_ros.tools.domain import use_free_domain
-from pa_ros.tools.film import FEWER, FEWER_PUSHED, FULL, demo_programs, find_scene
+from pa_ros.tools.film import demo_programs, find_scene
 from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import load_parameters, merged, packaged
 from pa_ros.tools.launcher import Supervisor
@@ -133,9 +133,9 @@ def execute(
     `folder`/programs.
     """
     programs = [one for one in demo_programs(design) if not kinds or one.kind in kinds]
-    fewer = FEWER_PUSHED if design.vocabulary.moves_objects else FEWER
+    full, fewer = design.skill.demo_conditions
     config = preset_for(design)
-    arena = {"design": design.name, "condition": FULL, "eval_condition": fewer}
+    arena = {"design": design.name, "condition": full, "eval_condition": fewer}
     executed: list[str] = []
     with Arm.simulated(
         checkpoint, seed=seed, speed=speed, record=folder / "programs",
@@ -167,7 +167,7 @@ def _learn(folder: Path, seed: int, minutes: float) -> bool:
     print(f"It is trained on {_targets(design)};\nnever on {held_out} (zero-shot).")
     task = ReachTask(preset_for(design), design, seed)
     random, script = (
-        float(np.mean(rewards(reference_scores(task, name, FULL, REFERENCE_EPISODES))))
+        float(np.mean(rewards(reference_scores(task, name, "eval", REFERENCE_EPISODES))))
         for name in ("random", "scripted")
     )
     print(f"Score 0 is random motion ({random:+.2f} per step), 1 is a script ({script:+.2f}).\n")

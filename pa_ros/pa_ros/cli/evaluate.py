@@ -11,9 +11,10 @@ import numpy as np
 
 from pa_ros.acting.executing import Actor
 from pa_ros.agents import TrainedAgent, acting_under, load_agent
-from pa_ros.arena import ArenaConfig, Design, condition_named
+from pa_ros.arena import ArenaConfig, Design, condition_named, conditions_for
 from pa_ros.arena.camera import PICTURES
 from pa_ros.arena.formulas import FORMULAS
+from pa_ros.arena.skills import SUCCESS
 from pa_ros.cli.options import add_setting, add_settings, asked, file_to_write, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device, versions
@@ -32,7 +33,7 @@ from pa_ros.evaluation.evaluate import (
 from pa_ros.evaluation.judgement import Judgement
 from pa_ros.evaluation.pushing import CLOSE_M, ends
 from pa_ros.evaluation.scores import normalized, rewards
-from pa_ros.language import Program, Vocabulary, logic_named, parse_goal
+from pa_ros.language import Program, logic_named, parse_goal
 from pa_ros.perception import task_seen
 
 ALL, FINITE = "all", "finite"  # all conditions; those of `arena.formulas`
@@ -127,7 +128,7 @@ def _check_needs(options: argparse.Namespace, subject: Subject) -> None:
         ONE: options.condition not in (ALL, FINITE),
         UNSHARED: options.condition != FINITE,
         SEES: bool(subject.perception),
-        AVOIDS: subject.design.vocabulary.avoids,
+        AVOIDS: {*FORMULAS} <= {*conditions_for(subject.design)},
     }
     for name in asked(options, EvaluationConfig):
         option = name if name in NEEDS else f"{name} {getattr(options, name)}"
@@ -165,16 +166,17 @@ def _one_condition(subject: Subject, drawn_from: str, options: argparse.Namespac
               f"{row.success_rate:.0%} near at the end")  # fmt: skip
     return {
         **figures(evaluation),
-        **_ends(evaluation, subject.design.vocabulary),
+        **_ends(evaluation, subject.design),
         **({} if judgement is None else judgement.report()),
         "eval.condition": options.condition,
         "eval.pictures": options.pictures,
     }
 
 
-def _ends(evaluation: Evaluation, vocabulary: Vocabulary) -> Report:
-    """How episodes ended: of goals over time, and where blocks can be moved; spheres apart, since
-    they roll on."""
+def _ends(evaluation: Evaluation, design: Design) -> Report:
+    """How episodes ended: of goals over time, and where agents are judged by success; spheres
+    apart, since they roll on."""
+    vocabulary = design.vocabulary
     goals = [parse_goal(score.program, vocabulary) for score in evaluation.scores]
     if not all(isinstance(goal, Program) and not goal.compares and goal.avoided is None
                for goal in goals):  # fmt: skip
@@ -185,7 +187,7 @@ def _ends(evaluation: Evaluation, vocabulary: Vocabulary) -> Report:
             for name, column in zip(names, zip(*rows, strict=True), strict=True)
         }
     report: dict[str, float | int | str] = {}
-    for own in ends(evaluation.scores, vocabulary) if vocabulary.moves_objects else ():
+    for own in ends(evaluation.scores, vocabulary) if design.skill.score == SUCCESS else ():
         name = "eval.spheres." if own.spheres else "eval."
         report |= {f"{name}success": own.success, f"{name}ever": own.ever}
         if not isnan(own.close):

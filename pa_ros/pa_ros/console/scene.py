@@ -12,7 +12,7 @@ import trimesh
 import viser
 from mjviser import ViserMujocoScene
 
-from pa_ros.bags.film import Stage, looks
+from pa_ros.bags.film import RecordedScene, looks
 from pa_ros.console.moment import Moment
 from pa_ros.world.relation import RELATIONS
 
@@ -42,7 +42,7 @@ class ArenaScene:
 
     def __init__(self, server: viser.ViserServer, reflections: bool = True) -> None:
         self._server, self._reflections = server, reflections
-        self._stage: Stage | None = None
+        self._shown: RecordedScene | None = None
         self._arm: ViserMujocoScene | None = None
         self._blocks: list[_Block] = []
         self._of: tuple[str, bytes] | None = None  # arena, and looks of the blocks that are shown
@@ -66,14 +66,14 @@ class ArenaScene:
         of = moment.arena.arena_id, looks(moment.observation)
         if of != self._of:
             self._rebuild(moment, of)
-        assert self._stage is not None and self._arm is not None
-        self._stage.show(moment.step)
-        self._arm.update_from_mjdata(self._stage.task.simulation.data)
-        self._place(moment, self._stage)
+        assert self._shown is not None and self._arm is not None
+        self._shown.show(moment.step)
+        self._arm.update_from_mjdata(self._shown.task.simulation.data)
+        self._place(moment, self._shown)
 
     def _rebuild(self, moment: Moment, of: tuple[str, bytes]) -> None:
-        self._stage = Stage(moment.arena, moment.step)
-        model = self._stage.task.simulation.model
+        self._shown = RecordedScene(moment.arena, moment.step)
+        model = self._shown.task.simulation.model
         # The arm is large to send and stays the same in an arena; only the blocks are made anew.
         if self._of is None or self._of[0] != of[0]:
             self._server.scene.reset()
@@ -115,8 +115,8 @@ class ArenaScene:
             ),
         )  # fmt: skip
 
-    def _place(self, moment: Moment, stage: Stage) -> None:
-        data, found, objects = stage.task.simulation.data, moment.explanation, moment.block_rows
+    def _place(self, moment: Moment, shown: RecordedScene) -> None:
+        data, found, objects = shown.task.simulation.data, moment.explanation, moment.block_rows
         heights = label_heights([data.geom(f"block{i}").xpos for i in range(len(self._blocks))])
         with self._server.atomic():
             for i, block in enumerate(self._blocks):
@@ -129,10 +129,10 @@ class ArenaScene:
                 block.outline.opacity = p or 0.0
                 block.label.position = geom.xpos + np.array((0.0, 0.0, heights[i]))
                 block.label.text = block.name if p is None else f"{block.name}  p {p:.2f}"
-                named = objects[i] in stage.task.verifier.targets and stage.task.verifier.moved
+                named = objects[i] in shown.task.verifier.targets and shown.task.verifier.moved
                 block.circle.visible = bool(named and moment.step.program)
                 if block.circle.visible:
-                    block.circle.points = _outline(stage, data.geom(f"block{i}").xpos)
+                    block.circle.points = _outline(shown, data.geom(f"block{i}").xpos)
         self._server.flush()
 
 
@@ -172,11 +172,11 @@ def _mesh(geom: Any, factor: float) -> Any:
     return trimesh.creation.icosphere(subdivisions=3, radius=size[0])
 
 
-def _outline(stage: Stage, block: Any) -> Any:
+def _outline(shown: RecordedScene, block: Any) -> Any:
     """Where the program's relation to a block begins to hold, as line segments [S, 2, 3]."""
-    program = stage.task.program
-    threshold = stage.task.scoring.threshold(program.relation, not program.moves_hand)
-    moved = stage.task.simulation.positions[stage.task.verifier.moved[0]]
+    program = shown.task.program
+    threshold = shown.task.scoring.threshold_of(program)
+    moved = shown.task.simulation.positions[shown.task.verifier.moved[0]]
     line = RELATIONS[program.relation].outline(moved, np.array(block), threshold)
     points = np.column_stack([line, np.full(len(line), LINE_HEIGHT_M)])
     return np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)

@@ -12,6 +12,7 @@ import numpy as np
 
 from pa_ros.arena import ARMS, ReachTask
 from pa_ros.arena.references import pursue, push
+from pa_ros.arena.simulation import HAND_INDEX
 from pa_ros.core.experience import Float64, Observation
 from pa_ros.world.relation import RELATIONS
 
@@ -33,7 +34,7 @@ def blind_policy(task: ReachTask, name: str) -> Callable[[Observation], Float64]
 
     def act(observation: Observation) -> Float64:
         nonlocal goal, pair
-        if not task.program.moves_hand:
+        if HAND_INDEX not in task.verifier.moved:
             pair = _pair(task, name) if observation.step == 0 else pair
             return push(task, *pair)
         if observation.step == 0:

@@ -9,7 +9,7 @@ from math import nan
 import numpy as np
 
 from pa_ros.evaluation.scores import EpisodeScore
-from pa_ros.language import Expression, Not, Vocabulary, Word, parse
+from pa_ros.language import HAND, Expression, Not, Vocabulary, Word, parse
 from pa_ros.language.syntax import walk
 
 CLOSE_M = 0.07  # objects closer than this are counted, too
@@ -41,7 +41,7 @@ def ends(
     for spheres in (False, True):
         own = [one for one in scores if _names_a_sphere(one, vocabulary) == spheres]
         if own:
-            pushes = any(not parse(one.program, vocabulary).moves_hand for one in own)
+            pushes = any(HAND not in parse(one.program, vocabulary).sets for one in own)
             columns = [(one.success, one.ever, one.distance <= CLOSE_M) for one in own]
             success, ever, close = np.mean(columns, axis=0).tolist()
             close = close if pushes else nan
@@ -52,6 +52,6 @@ def ends(
 def _names_a_sphere(score: EpisodeScore, vocabulary: Vocabulary) -> bool:
     """Whether the program names a sphere: not one that it excludes."""
     program = parse(score.program, vocabulary)
-    parts: list[Expression] = [*walk(program.moved), *walk(program.target)]
+    parts: list[Expression] = [part for one in program.nouns for part in walk(one)]
     excluded = {part for one in parts if isinstance(one, Not) for part in walk(one)}
     return Word("SPHERE") in {*parts} - excluded

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Mapping
 
 from pa_ros.core.errors import PaError
 from pa_ros.core.text import nearest
-from pa_ros.language.syntax import Span
+from pa_ros.language.syntax import Program, Span
 
 SHOWN_WORDS = 16
 """Words that an "expected" list names before it is cut."""
@@ -91,6 +92,28 @@ def unknown_word(source: str, span: Span, received: str, known: Iterable[str]) -
         received=repr(shown),
         suggestion=nearest(received.upper(), words),
     )
+
+
+def check_words(program: Program, known: Mapping[str, int]) -> None:
+    """Raise ProgramError (program.unknown_word) if the program has a word outside `known`."""
+    for word in program.words:
+        if word not in known:
+            raise foreign_word(program, word, known)
+
+
+def foreign_word(program: Program, word: str, known: Iterable[str]) -> ProgramError:
+    """An error for a program of another vocabulary, with a caret in its canonical text."""
+    source = str(program)
+    place = re.search(rf"\b{re.escape(word)}\b", source)
+    assert place is not None
+    return unknown_word(source, Span(*place.span()), word, known)
+
+
+def cannot_avoid(program: Program) -> ProgramError:
+    """An error for a program that avoids a set, where networks have no input for it."""
+    source, expected = str(program), "a program without AVOID for these networks"
+    span = Span(0, len("AVOID"))
+    return ProgramError(source, span, code="program.avoids", expected=expected, received="AVOID")
 
 
 def one_of(words: Iterable[str]) -> str:

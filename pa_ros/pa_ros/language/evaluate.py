@@ -6,7 +6,6 @@ These are the readable definitions, one object at a time. Batches of different p
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -14,7 +13,7 @@ from operator import mul
 from typing import Any
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.language.errors import ProgramError, one_of, unknown_word
+from pa_ros.language.errors import ProgramError, cannot_avoid, check_words, one_of
 from pa_ros.language.syntax import HAND, And, Expression, Not, Or, Program, Span, Word
 
 
@@ -112,26 +111,17 @@ def require_target(
     `program.names_nothing` if a set contains no object, `program.needs_body` if all objects to move
     are bodiless, `program.itself` if the only target is the only object to move.
     """
-    moved, target = roles(program, objects, hand_index, bodiless)
-    if not program.moves_hand and not any(moved):
-        if any(roles(program, objects, hand_index)[0]):
-            raise _rejected(program, "program.needs_body", "an object with a body", moved=True)
-        raise _names_nothing(program, objects, hand_index, moved=True)
-    if program.target != HAND and not any(target):
-        raise _names_nothing(program, objects, hand_index)
-    named = satisfying(program, objects, hand_index, bodiless)
-    if not program.moves_hand and program.target != HAND and sum(named) == 1:
-        raise _rejected(program, "program.itself", "another object than the one to move")
-
-
-def _names_nothing(
-    program: Program,
-    objects: Sequence[Collection[str]],
-    hand_index: int | None,
-    moved: bool = False,
-) -> ProgramError:
-    expected = present_objects(objects, hand_index)
-    return _rejected(program, "program.names_nothing", expected, moved)
+    with_body = roles(program, objects, hand_index, bodiless)
+    for i, (one, named) in enumerate(zip(program.sets, with_body, strict=True)):
+        if one == HAND or any(named):
+            continue
+        if any(roles(program, objects, hand_index)[i]):
+            raise _rejected(program, "program.needs_body", "an object with a body", i)
+        expected = present_objects(objects, hand_index)
+        raise _rejected(program, "program.names_nothing", expected, i)
+    objects_named = sum(satisfying(program, objects, hand_index, bodiless))
+    if HAND not in program.sets and objects_named == 1:
+        raise _rejected(program, "program.itself", "another object than the one to move", 1)
 
 
 def present_objects(objects: Sequence[Collection[str]], hand_index: int | None) -> str:
@@ -141,11 +131,11 @@ def present_objects(objects: Sequence[Collection[str]], hand_index: int | None) 
     return f"an object of the scene ({one_of(present) if present else 'it is empty'})"
 
 
-def _rejected(program: Program, code: str, expected: str, moved: bool = False) -> ProgramError:
-    """An error with a caret under the first set of the canonical text, or the second."""
-    source, wrong = str(program), program.moved if moved else program.target
-    before = "" if moved else f"{program.arguments[0]}, "
-    comparison = program.chosen[0 if moved else 1]
+def _rejected(program: Program, code: str, expected: str, argument: int) -> ProgramError:
+    """An error with a caret under the set of an argument (0 or 1) of the canonical text."""
+    source, wrong = str(program), program.sets[argument]
+    before = f"{program.arguments[0]}, " if argument else ""
+    comparison = program.chosen[argument]
     start = len(f"{program.relation}({before}") + (len(f"{comparison}(") if comparison else 0)
     span = Span(start, start + len(str(wrong)))
     return ProgramError(source, span, code=code, expected=expected, received=f"{wrong}")
@@ -173,14 +163,15 @@ def relevance(
     bodiless: Collection[str] = (),
 ) -> list[float]:
     """Relevant objects p = OR(HAND, e) over soft sets (paper, eq. logic), one object at a time; if
-    objects are to be moved, e is OR(p1, p2) of `role_relevance`.
+    both arguments name objects, e is OR(p1, p2) of `role_relevance`.
 
     `phi` is [V][N], a row for each word and a column for each object, elements in [0, 1]; `row`
     gives the row of each word. Returns p, [N]; p of the hand is 1.
     Raises ProgramError (program.unknown_word) if a word of the program has no row.
     """
-    moved, target = role_relevance(program, phi, row, hand_index, logic, bodiless)
-    p = target if program.moves_hand else list(map(logic.either, moved, target))
+    degrees = role_relevance(program, phi, row, hand_index, logic, bodiless)
+    named = [p for one, p in zip(program.sets, degrees, strict=True) if one != HAND]
+    p = [reduce(logic.either, of_object) for of_object in zip(*named, strict=True)]
     if p:
         p[hand_index] = 1.0
     return p
@@ -196,8 +187,11 @@ def role_relevance(
 ) -> tuple[list[float], list[float]]:
     """p1 and p2, [N] each: the degree to which each object is to be moved, and is a target.
 
-    Only HAND contains the hand. Otherwise as `relevance`.
+    Only HAND contains the hand. Otherwise as `relevance`. Raises ProgramError if the program avoids
+    a set, of which there is no degree here.
     """
+    if program.avoided is not None:
+        raise cannot_avoid(program)
     check_words(program, row)
 
     def of(expression: Expression, j: int) -> float:
@@ -208,30 +202,10 @@ def role_relevance(
 
     objects = range(len(phi[0]) if phi else 0)
     moved = [of(program.moved, j) for j in objects]
-    if bodiless and not program.moves_hand:
+    if bodiless and program.moved != HAND:
         without_body = Or(tuple(map(Word, bodiless)))
         moved = [logic.both(m, 1.0 - of(without_body, j)) for j, m in enumerate(moved)]
     return moved, [of(program.target, j) for j in objects]
-
-
-def check_words(program: Program, known: Mapping[str, int], avoids: bool = False) -> None:
-    """Raise ProgramError if the program has a word outside `known` (program.unknown_word) or avoids
-    a set although networks have no input for it (program.avoids), unless `avoids` says so."""
-    if program.avoided is not None and not avoids:
-        source, expected = str(program), "a program without AVOID for these networks"
-        span = Span(0, len("AVOID"))
-        raise ProgramError(source, span, code="program.avoids", expected=expected, received="AVOID")
-    for word in program.words:
-        if word not in known:
-            raise foreign_word(program, word, known)
-
-
-def foreign_word(program: Program, word: str, known: Mapping[str, int]) -> ProgramError:
-    """An error for a program of another vocabulary, with a caret in its canonical text."""
-    source = str(program)
-    place = re.search(rf"\b{re.escape(word)}\b", source)
-    assert place is not None
-    return unknown_word(source, Span(*place.span()), word, known)
 
 
 def degree(expression: Expression, value: Callable[[str], Any], logic: Logic = PRODUCT) -> Any:

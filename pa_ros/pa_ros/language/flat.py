@@ -6,7 +6,6 @@ from functools import reduce
 from typing import Any, NamedTuple
 
 from pa_ros.language.errors import ProgramError
-from pa_ros.language.evaluate import check_words, foreign_word
 from pa_ros.language.syntax import HAND, And, Expression, Not, Or, Program, Span, Word
 from pa_ros.language.vocabulary import Vocabulary
 
@@ -40,12 +39,9 @@ def compile_program(program: Program, vocabulary: Vocabulary) -> Compiled:
     """Compile a program for the rows of `vocabulary`.
 
     The relation does not become an instruction, because p does not depend on it. Raises
-    ProgramError: program.unknown_word for another vocabulary's, program.compares for comparisons,
-    program.avoids where networks do not learn to avoid.
+    ProgramError if the program is not of the vocabulary, and for comparisons (program.compares).
     """
-    if program.relation not in vocabulary.relations:
-        raise foreign_word(program, program.relation, vocabulary.relation_row)
-    check_words(program, vocabulary.row, vocabulary.avoids)
+    vocabulary.check(program)
     if program.compares:  # p knows no places: `acting.executing` compares for an agent that acts
         text = str(program)
         name = next(filter(None, program.chosen))
@@ -54,11 +50,11 @@ def compile_program(program: Program, vocabulary: Vocabulary) -> Compiled:
         raise ProgramError(text, span, code="program.compares", expected=expected, received=name)
     code, hand = _Code(vocabulary), len(vocabulary.words)
     moved = code.emit_expression(program.moved)
-    if vocabulary.bodiless and not program.moves_hand:
+    if vocabulary.bodiless and moved != hand:
         no_body = code.fold(OR, tuple(map(Word, vocabulary.bodiless)))
         moved = code.emit(AND, moved, code.emit(NOT, no_body, no_body))
     target = code.emit_expression(program.target)
-    either = target if program.moves_hand else code.emit(OR, moved, target)
+    either = target if moved == hand else code.emit(OR, moved, target)
     avoided = hand if program.avoided is None else code.emit_expression(program.avoided)
     # p = OR(HAND, e) is always the last instruction, so evaluators need no other end mark.
     code.emit(OR, hand, either)

@@ -159,6 +159,9 @@ class _Parser:
         self._tokens = tokenize(source)
         self._token = next(self._tokens)
         self._nodes = 0
+        moves_objects = vocabulary.moves_objects
+        self._parse_first = self._parse_argument if moves_objects else self._parse_hand
+        self._hand = (HAND.name,) if moves_objects else ()  # also as the second argument
 
     def parse_text(self) -> Goal:
         """text = goal end ;"""
@@ -209,14 +212,7 @@ class _Parser:
         self._take("(")
         if self._token.kind == ")":
             raise self._wrong_arity(relation.text, relation, 0, self._token)
-        first = ""
-        moved: Expression = HAND
-        if self._vocabulary.moves_objects:
-            first, moved = self._parse_argument()
-        elif self._token.text in {*self._vocabulary.words, *OPERATORS, *COMPARISONS}:
-            raise self._unexpected("HAND (programs of this world move the hand alone)")
-        else:
-            self._take_keyword(HAND.name)
+        first, moved = self._parse_first()
         targets, closing = self._parse_rest(self._parse_argument)
         if len(targets) != 1:
             raise self._wrong_arity(relation.text, relation, 1 + len(targets), closing)
@@ -232,6 +228,13 @@ class _Parser:
             )
         return Program(target, relation.text, moved, chosen=(first, second))
 
+    def _parse_hand(self) -> tuple[str, Expression]:
+        """argument = "HAND" ;"""
+        if self._token.text in {*self._vocabulary.words, *OPERATORS, *COMPARISONS}:
+            raise self._unexpected("HAND (programs of this world move the hand alone)")
+        self._take_keyword(HAND.name)
+        return "", HAND
+
     def _parse_argument(self) -> tuple[str, Expression]:
         """argument = "HAND" | [ comparison "(" ] expression [ ")" ] ;"""
         name = self._token
@@ -246,7 +249,7 @@ class _Parser:
     def _parse_expression(self, depth: int) -> Expression:
         """expression = word | operation ;"""
         token = self._token
-        if depth == ARGUMENT and token.text == HAND.name and self._vocabulary.moves_objects:
+        if depth == ARGUMENT and token.text in self._hand:
             return Word(self._advance().text)
         self._check_word(token, depth)
         # Depth and size are checked while parsing, so that no larger tree is ever built.
@@ -303,8 +306,7 @@ class _Parser:
         if token.text in self._vocabulary.comparisons:
             raise self._unexpected(f"{self._words()} ({token.text} is an argument, not a set)")
         if token.kind != "word":
-            hand = (HAND.name,) if depth == ARGUMENT and self._vocabulary.moves_objects else ()
-            raise self._unexpected(self._words(*hand))
+            raise self._unexpected(self._words(*(self._hand if depth == ARGUMENT else ())))
         known = (*self._vocabulary.words, *OPERATORS)
         if token.text not in known:
             raise unknown_word(self._source, token.span, token.text, known)

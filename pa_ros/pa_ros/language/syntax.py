@@ -96,9 +96,19 @@ class Program:
         """Canonical texts of both arguments."""
         first, second = (
             f"{comparison}({one})" if comparison else str(one)
-            for comparison, one in zip(self.chosen, (self.moved, self.target), strict=True)
+            for comparison, one in zip(self.chosen, self.sets, strict=True)
         )
         return first, second
+
+    @property
+    def sets(self) -> tuple[Expression, Expression]:
+        """What is to be in the relation, and what it is to be related to."""
+        return self.moved, self.target
+
+    @property
+    def nouns(self) -> tuple[Expression, ...]:
+        """The sets that objects are named by: those other than HAND."""
+        return tuple(one for one in self.sets if one != HAND)
 
     @property
     def compares(self) -> bool:
@@ -123,9 +133,9 @@ class Program:
     @property
     def words(self) -> tuple[str, ...]:
         """Property words that the program names, each once, in order of appearance."""
-        sets = (self.moved, self.target, *([] if self.avoided is None else [self.avoided]))
+        sets = (*self.nouns, *([] if self.avoided is None else [self.avoided]))
         nodes = (node for one in sets for node in walk(one))
-        names = (node.name for node in nodes if isinstance(node, Word) and node != HAND)
+        names = (node.name for node in nodes if isinstance(node, Word))
         return tuple(dict.fromkeys(names))
 
 

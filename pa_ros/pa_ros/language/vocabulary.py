@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.language.syntax import COMPARISONS, NEAR, OF_PLACES, SIZE
+from pa_ros.language.errors import cannot_avoid, check_words, foreign_word
+from pa_ros.language.syntax import COMPARISONS, NEAR, OF_PLACES, SIZE, Program
 
 RESERVED = frozenset({"HAND", "AND", "OR", "NOT", "THEN", "ALL", "AVOID", *COMPARISONS})
 
@@ -67,10 +69,11 @@ class Vocabulary:
             seen.add(word)
         if unknown := set(self.bodiless) - set(self.words):
             raise ConfigError(f"vocabulary: bodiless: expected words of it, got {unknown}")
-        if self.avoids and (self.relations != (NEAR,) or self.moves_objects):
+        moves = " and objects that are moved" if self.moves_objects else ""
+        if self.avoids and (self.relations != (NEAR,) or moves):
             raise ConfigError(
                 f"vocabulary: avoids: expected the relation {NEAR} of the hand alone, got "
-                f"{self.relations}{' and objects that are moved' if self.moves_objects else ''}"
+                f"{self.relations}{moves}"
             )
 
     @classmethod
@@ -90,6 +93,21 @@ class Vocabulary:
         """The same words for networks that learn to avoid a set. ConfigError unless NEAR is the
         only relation, and of the hand."""
         return replace(self, avoids=True)
+
+    def check(self, program: Program) -> None:
+        """Raise ProgramError for a program with another word or relation (program.unknown_word), or
+        one that avoids a set although networks don't learn to (program.avoids)."""
+        if program.relation not in self.relations:
+            raise foreign_word(program, program.relation, self.relations)
+        if program.avoided is not None and not self.avoids:
+            raise cannot_avoid(program)
+        check_words(program, self.row)
+
+    def to_data(self) -> dict[str, Any]:
+        """Words, relations and what else programs may do, as data for JSON."""
+        more = {name: True for name in ("moves_objects", "avoids") if getattr(self, name)}
+        words = [[group.name, list(group.words)] for group in self.groups]
+        return {"words": words, "relations": list(self.relations), **more}
 
     def __getitem__(self, group: str) -> tuple[str, ...]:
         """Words of a group; ConfigError lists the known groups."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pa_ros.acting.execution import ENDED, HOLD_S, Result, window_s
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.language import parse, parse_goal, require_possible
+from pa_ros.language import parse, parse_goal
 from pa_ros.tools.client import NoAnswerError
 from pa_ros.tools.connection import Connection
 from pa_ros.tools.domain import DomainClaim
@@ -81,7 +81,7 @@ class Arm:
         :raises ConfigError: if there is one, but in another namespace.
         """
         self.graph = graph or Connection(namespace, patience, domain)
-        self.goal: Goal | None = None
+        self.goal: GoalHandle | None = None
         self._made_sender: ProgramSender | None = None
         try:
             self.graph.join()
@@ -151,11 +151,9 @@ class Arm:
         where blocks are only seen, the arena alone knows whether it names one.
         """
         scene = self.scene()
-        vocabulary = scene.arena.world.vocabulary
-        parsed = parse_goal(program, vocabulary)
-        if scene.arena.world.schema.tells_words:
-            present = [name.split() for name in scene.blocks]
-            require_possible(parsed, present, None, vocabulary.bodiless)
+        world, seen = scene.arena.world, scene.step.observation
+        parsed = parse_goal(program, world.vocabulary)
+        world.require_possible(parsed, seen.objects, seen.hand_index)
         return str(parsed)
 
     def explain(self, program: str = "") -> Explanation:
@@ -208,7 +206,7 @@ class Arm:
         code, reason = ("", "") if found.satisfied else ENDED[found.ended]
         return Result(program, found.satisfied, found.distance, found.reached_s, reason, code)
 
-    def start(self, program: str, timeout: float | None = None, hold: float = HOLD_S) -> Goal:
+    def start(self, program: str, timeout: float | None = None, hold: float = HOLD_S) -> GoalHandle:
         """Begin to execute a program as `execute` does, and return at once.
 
         A timeout of 0 is none. Raises NoAnswerError if no agent takes goals.
@@ -217,7 +215,7 @@ class Arm:
         if not self.graph.until(self.graph.goals.server_is_ready):
             raise NoAnswerError(f"execute: {NO_AGENT}", code="arm.no_agent")
         given = window_s(text) if timeout is None else timeout
-        self.goal = Goal(self.graph, ProgramGoal(text, given, hold))
+        self.goal = GoalHandle(self.graph, ProgramGoal(text, given, hold))
         return self.goal
 
     def cancel(self) -> None:
@@ -292,7 +290,7 @@ class Arm:
         """Put a block, by its number in `scene().blocks` (the first is 0), somewhere on the table
         (m)."""
         scene = self.scene()
-        places = None if scene.arena.world.schema.tells_words else scene.places
+        places = scene.places if scene.arena.perception else None
         self.graph.services.move(block, float(x), float(y), places)
 
     def close(self) -> None:
@@ -318,7 +316,7 @@ class Arm:
         return self._made_sender
 
 
-class Goal:
+class GoalHandle:
     """A program that an agent executes. Iterate over it for its progress; `result()` waits."""
 
     def __init__(self, graph: Connection, wanted: ProgramGoal) -> None:
@@ -403,7 +401,7 @@ class Goal:
         """Raise NoAnswerError if the agent is silent, or the arena's time stands still."""
         graph, now = self.graph, time.monotonic()
         silent_s = now - self._heard_at
-        still_s = now - max(self._began, graph.monitor.moved_at)
+        still_s = now - max(self._began, graph.monitor.stepped_at)
         if max(silent_s, still_s) < graph.patience:
             return
         what = "the agent fell silent: does its node still run?"

@@ -94,7 +94,9 @@ class Table:
             "design": scene.arena.design,
             "episode": scene.episode,
             "step": scene.step.observation.step,
-            "seconds_since_the_last_step": round(time.monotonic() - arm.graph.monitor.moved_at, 1),
+            "seconds_since_the_last_step": round(
+                time.monotonic() - arm.graph.monitor.stepped_at, 1
+            ),
             "an_agent_takes_programs": bool(arm.graph.goals.server_is_ready()),
             "executing": arm.goal is not None and not arm.goal.done,
             "program": scene.program,

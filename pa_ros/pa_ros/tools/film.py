@@ -2,47 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from math import inf
 from pathlib import Path
 
 from pa_ros.agents import TrainedAgent
-from pa_ros.arena import ArenaConfig, Design, Episode, Kind, ReachTask, condition_named, generate
+from pa_ros.arena import ArenaConfig, Design, Episode, ReachTask, condition_named, generate
 from pa_ros.arena.movie import Picture, captioned, check_movie, write_movie
 from pa_ros.arena.render import draw
+from pa_ros.arena.skills import DemoProgram
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import ProgramError, parse, satisfying, stages
 from pa_ros.perception import task_seen
 from pa_ros.world.relation import RELATIONS
 
-# Conditions of the scenes: as in training; and with fewer blocks, only one of each color.
-FULL, FEWER = "eval", "only-color"
-FULL_PUSHED, FEWER_PUSHED = "eval", "moved-only-color"  # where programs move blocks
-FARTHEST_M = 0.40  # that a block is moved
 SCENES_SEARCHED = 1000
 # The hand starts at least this many thresholds of the relation away, so that the arm must move.
 FARTHER = 2.0
 HELD = 5  # a program has succeeded after so many satisfied steps
 PAUSE = 8  # pictures for which a success is shown
-LONGEST, LONGEST_PUSH = 60, 99  # steps of a program
 REACHED, AWAY = "#1a7f37", "#57606a"  # colors of the verdict
-
-
-@dataclass(frozen=True)
-class DemoProgram:
-    """A program to execute, and what is new about it."""
-
-    kind: str
-    text: str
-    targets: int = 1  # objects of the scene that it names
 
 
 @dataclass(frozen=True)
 class DemoScene:
     """An episode in which a program can show something."""
 
-    condition: str  # FULL or FEWER
+    condition: str  # one of the skill's `demo_conditions`
     episode: Episode
     distance: float  # the relation's measure of the nearest named block, at the start
 
@@ -54,42 +40,7 @@ def demo_programs(design: Design) -> list[DemoProgram]:
     """
     if not design.held_out:
         raise ConfigError(f"demo: expected a design with held-out targets, got {design.name}")
-    train, new = design.train, design.held_out[0]
-    if design.vocabulary.moves_objects:  # a sphere rolls past where it is pushed
-        train = tuple(kind for kind in train if "SPHERE" not in kind.words)
-    known = train[0]
-    first, last = [*design.values][0], [*design.values][-1]
-    other = next(kind for kind in train if kind[last] == known[last] and kind != known)
-    trained, held_out = known.conjunction, new.conjunction
-    relation = design.vocabulary.relations[0]
-    if design.vocabulary.moves_objects:
-        return _pushing(relation, known, new, other, design.places)
-    without = f"AND({', '.join([f'NOT({known[first]})', *[*other.values()][1:]])})"
-    return [
-        DemoProgram("trained", f"{relation}(HAND, {trained})"),
-        DemoProgram("held out", f"{relation}(HAND, {held_out})"),
-        DemoProgram(f"{first} alone", f"{relation}(HAND, {known[first]})"),
-        DemoProgram(f"{last} alone", f"{relation}(HAND, {new[last]})"),
-        DemoProgram("NOT", f"{relation}(HAND, {without})"),
-        DemoProgram("OR of two", f"{relation}(HAND, OR({trained}, {held_out}))", targets=2),
-    ]
-
-
-def _pushing(
-    relation: str, known: Kind, new: Kind, other: Kind, places: Sequence[Kind]
-) -> list[DemoProgram]:
-    """Programs that move blocks, and one that reaches."""
-    trained, held_out, here = known.conjunction, new.conjunction, places[0].conjunction
-    first = [*known][0]
-    without = f"AND(NOT({known[first]}), {', '.join([*other.values()][1:])})"
-    return [
-        DemoProgram("trained", f"{relation}({trained}, {places[-1].conjunction})", targets=2),
-        DemoProgram("held out", f"{relation}({held_out}, {here})", targets=2),
-        DemoProgram("to a block", f"{relation}({trained}, {held_out})", targets=2),
-        DemoProgram(f"{first} alone", f"{relation}({new[first]}, {here})", targets=2),
-        DemoProgram("NOT", f"{relation}({without}, {here})", targets=2),
-        DemoProgram("reach", f"{relation}(HAND, {held_out})"),
-    ]
+    return design.skill.demo(design)
 
 
 def find_scene(config: ArenaConfig, design: Design, seed: int, program: DemoProgram) -> DemoScene:
@@ -101,22 +52,20 @@ def find_scene(config: ArenaConfig, design: Design, seed: int, program: DemoProg
     """
     task = ReachTask(config, design, seed)
     parsed = parse(program.text, design.vocabulary)
-    pushes, bodiless = not parsed.moves_hand, design.vocabulary.bodiless
-    farther = FARTHER * task.scoring.threshold(parsed.relation, between=pushes)
-    pushed = design.vocabulary.moves_objects
-    for condition in (FULL_PUSHED, FEWER_PUSHED) if pushed else (FULL, FEWER):
+    farther = FARTHER * task.scoring.threshold_of(parsed)
+    for condition in design.skill.demo_conditions:
         drawn_from = condition_named(condition, design)
         for index in range(SCENES_SEARCHED):
             episode = generate(config, design, drawn_from, seed, index)
             kinds = [block.kind.words for block in episode.blocks]
-            if sum(satisfying(parsed, kinds, None, bodiless)) != program.targets:
+            if sum(satisfying(parsed, kinds, None, design.vocabulary.bodiless)) != program.targets:
                 continue
             task.reset_to(episode)
             try:
                 _, verdict = task.set_program(parsed)
             except ProgramError:  # all named objects are in one of its two sets
                 continue
-            if farther <= verdict.distance <= (FARTHEST_M if pushes else inf):
+            if farther <= verdict.distance <= program.farthest:
                 return DemoScene(condition, episode, verdict.distance)
     raise ConfigError(
         f"demo: no scene of design {design.name} in which {program.text} names "
@@ -194,7 +143,7 @@ def _executed(
     parsed = parse(program.text, agent.design.vocabulary)
     observation, verdict = task.set_program(parsed)
     policy, held, unit = agent.policy, 0, RELATIONS[parsed.relation].unit
-    for step in range((LONGEST if parsed.moves_hand else LONGEST_PUSH) + 1):
+    for step in range(program.steps + 1):
         held = held + 1 if verdict.satisfied else 0
         state = "reached" if verdict.satisfied else f"{verdict.distance:.2f} {unit} away"
         yield f"{program.kind}   step {step}   {state}", verdict.satisfied

@@ -16,7 +16,7 @@ from rclpy.qos import qos_profile_sensor_data
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Float64, Observation, Step
 from pa_ros.core.text import printable
-from pa_ros.language import parse, require_target
+from pa_ros.language import HAND, parse, require_target
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import ARENA_INFO, OBJECT_FEATURES, SAMPLES
@@ -106,11 +106,11 @@ class Scene:
         observed: the hand is a white ring, and objects that the program names have a black edge.
         Blocks whose properties are only seen are grey squares."""
         from pa_ros.arena.render import top_view
-        from pa_ros.bags.film import Stage
+        from pa_ros.bags.film import RecordedScene
 
-        stage = Stage(self.arena, self.step)
-        stage.show(self.step)
-        return top_view(stage.task, side_px)
+        scene = RecordedScene(self.arena, self.step)
+        scene.show(self.step)
+        return top_view(scene.task, side_px)
 
     def shown_distance(self) -> str:
         """The distance with its unit, and whether the program is satisfied."""
@@ -133,7 +133,7 @@ class SceneMonitor:
         """`namespace` is below the node's; with a slash, anywhere."""
         self.arena: ArenaDescription | None = None
         self.scene: Scene | None = None  # the newest; None: no sample or step has arrived
-        self.moved_at = time.monotonic()  # when the arena's time was last seen to advance
+        self.stepped_at = time.monotonic()  # when the arena's time was last seen to advance
         self._node = node
         self._step_reader: Any = None
         guard = Refusals(lambda _: None).guard  # the graph's nodes report what can't be decoded
@@ -162,7 +162,7 @@ class SceneMonitor:
         world = self.arena.world
         before, step = self.scene, decode_step(message, world.joints, world.object_features)
         if before is None or step.observation.stamp_ns != before.step.observation.stamp_ns:
-            self.moved_at = time.monotonic()
+            self.stepped_at = time.monotonic()
         self.scene = Scene(self.arena, step)
 
 
@@ -208,7 +208,7 @@ def suggested_programs(arena: ArenaDescription, names: Iterable[str]) -> tuple[s
         parts += [f"{near}(HAND, NOT({word}))" for word in known[:1]]
     # In a scene blocks come before places: each of these moves one to the next.
     pushes = [f"{near}({one}, {other})" for one, other in pairwise(whole)]
-    pushes += [str(program) for program in arena.training_programs if not program.moves_hand]
+    pushes += [str(program) for program in arena.training_programs if HAND not in program.sets]
     reaches = [f"{near}(HAND, {one})" for one in whole]
     found: dict[str, None] = {}
     for text in (*pushes, *reaches, *map(str, arena.training_programs), *parts):

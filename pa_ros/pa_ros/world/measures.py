@@ -26,25 +26,24 @@ class ProgramMeasures:
     def __init__(self, programs: Sequence[Program], world: World, scoring: Scoring) -> None:
         self._table = ProgramTable(world.vocabulary, programs)
         self._world, self._scoring = world, scoring
-        asked = self._table.compiled().relation
-        pushes = np.array([not program.moves_hand for program in self._table.programs])
-        self._of_relation = {
-            relation: np.flatnonzero((asked == row) & ~pushes)
-            for relation, row in world.vocabulary.relation_row.items()
-        }
-        self._pushing = {
-            relation: np.flatnonzero((asked == row) & pushes)
-            for relation, row in world.vocabulary.relation_row.items()
-            if world.vocabulary.moves_objects
-        }
+        compiled, hand = self._table.compiled(), len(world.vocabulary.words)
+        pushes = compiled.moved != hand  # the register of HAND
+        self._of_relation, self._pushing = (
+            {
+                relation: rows
+                for relation, row in world.vocabulary.relation_row.items()
+                if len(rows := np.flatnonzero((compiled.relation == row) & of))
+            }
+            for of in (~pushes, pushes)
+        )
         self.thresholds = np.array([scoring.threshold(p.relation) for p in self._table.programs])
 
     def __len__(self) -> int:
         return len(self._table)
 
     def named(self, objects: Float32, hand_index: int) -> NDArray[np.bool_]:
-        """Which objects [N, F] each program names, [P, N], or where programs move objects, which
-        its two sets contain, [P, 2, N]; ConfigError if nothing tells it."""
+        """Which objects [N, F] each program names, [P, N], or where some programs move objects,
+        which its two sets contain, [P, 2, N]; ConfigError if nothing tells it."""
         truth = self._world.truth(objects).T
         if self._pushing:
             sets = crisp_sets(self._table.compiled(), truth, hand_index)

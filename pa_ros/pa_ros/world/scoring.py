@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64
-from pa_ros.language.syntax import NEAR
+from pa_ros.language.syntax import NEAR, Program
 from pa_ros.world.poses import POSE_WIDTH
 from pa_ros.world.relation import RELATIONS
 from pa_ros.world.reward import Reward, Sparse
@@ -109,6 +109,22 @@ class Scoring:
         first, second = objects[[i for i, _ in pairs]], objects[[j for _, j in pairs]]
         measures = self.measures(relation, second, hand_pose, first).tolist()
         return self.of_measure(min(measures, default=inf), relation, between=True)
+
+    def of_program(
+        self,
+        program: Program,
+        sets: Sequence[Sequence[int]],
+        objects: Float32,
+        hand_pose: Float64 | Float32 | None = None,
+    ) -> Score:
+        """Score one state [N, F] under a program whose two sets contain these objects."""
+        moved, targets = sets
+        pair = None if program.moves_hand else moved
+        return self.of_targets(targets, objects, program.relation, hand_pose, pair)
+
+    def threshold_of(self, program: Program) -> float:
+        """The threshold of a program's relation; see `threshold`."""
+        return self.threshold(program.relation, between=not program.moves_hand)
 
     def threshold(self, relation: str, between: bool = False) -> float:
         """The threshold of a relation of the hand, or `between` two objects; ConfigError lists the

@@ -12,7 +12,7 @@ import numpy as np
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64, Observation
 from pa_ros.core.settings import canonical_json, read_json
-from pa_ros.language.vocabulary import Vocabulary
+from pa_ros.language import Goal, Vocabulary, require_possible
 from pa_ros.world.controller import AXES, HandController
 from pa_ros.world.poses import POSE_WIDTH
 from pa_ros.world.relation import RELATIONS
@@ -122,6 +122,15 @@ class World:
             raise ConfigError("truth: expected properties that are told, got ones that are seen")
         return self.told(objects)
 
+    def require_possible(self, goal: Goal, objects: Float32, hand_index: int) -> None:
+        """Raise ProgramError if objects [N, F] tell that a goal cannot hold (`require_possible`).
+
+        Objects that are seen don't tell what they are.
+        """
+        if self.schema.tells_words:
+            words = [name.split() for name in self.schema.labels(objects, hand_index)]
+            require_possible(goal, words, hand_index, self.vocabulary.bodiless)
+
     def told(self, objects: Float32) -> Float32:
         """Words [..., N, V] that the features of objects [..., N, F] tell: 1 where a word is true.
 
@@ -133,18 +142,14 @@ class World:
 
     def to_data(self) -> dict[str, Any]:
         """Return it as data for JSON."""
-        added: dict[str, Any] = {"moves_objects": True} if self.vocabulary.moves_objects else {}
-        if self.vocabulary.avoids:
-            added["avoids"] = True
-        if self.controller is not None:
-            added["controller"] = self.controller.to_data()
-        return {
-            **added,
+        data = {
+            **self.vocabulary.to_data(),
             "objects": self.schema.to_data(),
-            "words": [[group.name, list(group.words)] for group in self.vocabulary.groups],
             "joints": self.joints,
-            "relations": list(self.relations),
         }
+        if self.controller is not None:
+            data["controller"] = self.controller.to_data()
+        return data
 
     @classmethod
     def from_data(cls, data: Any) -> World:

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from pa_ros.arena.arms import ARMS
-from pa_ros.arena.controllers import hand_controller
 from pa_ros.arena.errors import ArenaError
+from pa_ros.arena.kinematics import hand_controller
 from pa_ros.arena.task import GoalVerifier, scoring_of, world_of
 from pa_ros.core.experience import Float64, Observation, Step
 from pa_ros.language import parse_goal

@@ -1,4 +1,4 @@
-"""The hand's controller of an arm of the arena, and poses in which the hand points down."""
+"""An arm of the arena as data, and its poses in which the hand points down."""
 
 from __future__ import annotations
 
