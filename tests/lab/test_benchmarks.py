@@ -13,6 +13,7 @@ from laboratory.benchmarks.camera import Uses
 from laboratory.benchmarks.latency import Latencies
 from laboratory.benchmarks.peers import OURS, PeerScore, run_contender
 from laboratory.studies.tables import read_rows, write_rows
+from pa_ros.arena import preset_named
 from pa_ros.core.errors import ConfigError
 
 
@@ -63,7 +64,7 @@ def test_each_benchmark_says_its_options(name: str, capsys, monkeypatch) -> None
 
 def test_the_arena_is_fast_and_the_script_beats_chance(monkeypatch) -> None:
     monkeypatch.setattr(arena, "STEPS", 100)
-    monkeypatch.setattr(arena, "PRESETS", {"fast": arena.PRESETS["fast"]})
+    monkeypatch.setattr(arena, "PRESETS", {"fast": preset_named("fast")})
     found = {name: float(value) for name, value in arena.run(Namespace(episodes=1)).items()}
     assert found["arena.fast.steps_per_s"] > 0
     assert found["arena.fast.NEAR.script"] > found["arena.fast.NEAR.random"]

@@ -44,7 +44,7 @@ def test_the_share_of_the_fixed_pingpong_falls_with_the_rate(monkeypatch):
 def test_latency_of_an_agent_that_sees():
     opengl()
     found = camera.run(argparse.Namespace(seconds=0.5, warm_up=0.1))
-    assert found["camera.pictures"] > 0
+    assert float(found["camera.pictures"]) > 0
 
 
 def test_a_fleet_of_one_arena(monkeypatch):

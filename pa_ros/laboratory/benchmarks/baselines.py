@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from laboratory.benchmarks import baseline_networks
-from laboratory.benchmarks.samples import played, whole_episode
+from laboratory.benchmarks.samples import whole_episode
 from laboratory.studies.tables import read_rows, write_rows
 from pa_ros.acting.executing import Actor
 from pa_ros.acting.exploration import ExplorationNoise
@@ -28,6 +28,7 @@ from pa_ros.arena import (
     ReachTask,
     conditions_for,
     design_named,
+    play,
     preset_named,
     training_programs,
     world_of,
@@ -35,7 +36,7 @@ from pa_ros.arena import (
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64, Observation
 from pa_ros.core.text import Report
-from pa_ros.evaluation.evaluate import EPISODES_SEED, layouts_seed
+from pa_ros.evaluation.evaluate import EPISODES_SEED, layouts_seed, pursuing
 from pa_ros.language import MIN_MAX, PRODUCT, Program, Word
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.recipes import LearningSettings
@@ -154,10 +155,9 @@ def scored(
         if condition in WORDS and not _names_so_many(design, int(condition[-1])):
             continue  # every word of 2-L names two kinds
         task = ReachTask(arena, design, layouts_seed(EPISODES_SEED, condition))
+        policy = pursuing(task, lambda seen, program: act(seen, program) * speeds)
         try:
-            ends = [
-                _episode(task, act, speeds) for _ in episodes(task, condition, options.episodes)
-            ]
+            ends = [_episode(task, policy) for _ in episodes(task, condition, options.episodes)]
         except (ConfigError, NetworkError):
             continue  # the method cannot state such programs
         success, reward = (float(np.mean(column)) for column in zip(*ends, strict=True))
@@ -183,14 +183,11 @@ def episodes(task: ReachTask, condition: str, count: int) -> Iterator[int]:
             yield index - 1
 
 
-def _episode(task: ReachTask, act: Act, speeds: Float64) -> tuple[bool, float]:
+def _episode(task: ReachTask, act: Callable[[Observation], Float64]) -> tuple[bool, float]:
     """Play the episode that has begun: is it satisfied at the end, and the reward per step."""
-    seen, verdict = task.set_program(task.program)  # the observation at the start
-    rewards = []
-    while not verdict.truncated:
-        seen, verdict = task.step(act(seen, task.program) * speeds)
-        rewards.append(verdict.reward)
-    return verdict.satisfied, float(np.mean(rewards))
+    start = task.set_program(task.program)  # the observation at the start
+    _, *verdicts = [verdict for _, verdict in play(task, act, start)]
+    return verdicts[-1].satisfied, float(np.mean([verdict.reward for verdict in verdicts]))
 
 
 def trained(
@@ -224,7 +221,8 @@ def trained(
             actions.append(behave(seen, task.program))
             return np.asarray(actions[-1].astype(np.float64) * speeds)
 
-        seen, rewards = played(task, episode, act)
+        seen, verdicts = zip(*play(task, act, task.reset(episode)), strict=True)
+        rewards = [verdict.reward for verdict in verdicts[1:]]
         objects, arm = [one.objects for one in seen], [world.arm(one) for one in seen]
         made = task.program, objects, arm, actions, rewards, learner.counters.version
         learner.consume(whole_episode(world, episode, *made))

@@ -16,9 +16,9 @@ import numpy as np
 import yaml
 from rclpy.action import ActionClient
 
-from pa_ros.acting.executing import Actor
 from pa_ros.acting.execution import HOLD_S, WINDOW_S, ExecutionWatch
-from pa_ros.arena import ReachTask, scoring_of
+from pa_ros.agents import greedy
+from pa_ros.arena import ReachTask, play, scoring_of
 from pa_ros.arena.task import Verifier
 from pa_ros.core.experience import Step
 from pa_ros.core.extensions import load
@@ -64,12 +64,13 @@ def _in_the_arena(simulated: Any, scene: int) -> bool:
     """Whether a program is executed in a scene of the arena, in lockstep."""
     task = ReachTask(simulated.CONFIG, simulated.DESIGN, seed=0)
     program = parse(_program(scene), simulated.DESIGN.vocabulary)
-    seen, verdict = task.reset_to(replace(simulated.scene_of(scene), goal=program))
-    actor, watch = Actor.of(load_policy(Path(AGENT))), ExecutionWatch(task.program_id)
-    while (done := watch.observe(Step(seen, verdict, str(program)))) is None:
-        action = actor.act(seen, program)
-        seen, verdict = task.step(action * simulated.CONFIG.joint_speed_limits)
-    return done.satisfied
+    start = task.reset_to(replace(simulated.scene_of(scene), goal=program))
+    act = greedy(load_policy(Path(AGENT)), simulated.CONFIG)
+    watch = ExecutionWatch(task.program_id)
+    for seen, verdict in play(task, lambda seen: act(seen, program), start):
+        if (done := watch.observe(Step(seen, verdict, str(program)))) is not None:
+            break
+    return done is not None and done.satisfied
 
 
 def _on_the_robot(simulated: Any, scenes: int, tags: bool) -> list[bool]:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pa_ros.arena import ReachTask
-from pa_ros.core.experience import Float64, Observation, Step, Verdict
+from pa_ros.core.experience import Observation, Step, Verdict
 from pa_ros.language import Program
 from pa_ros.wire.step import Command
 from pa_ros.world import Trajectory
@@ -60,16 +57,3 @@ def whole_episode(
         terminated=False,
         world_digest=world.digest,
     )
-
-
-def played(
-    task: ReachTask, number: int, act: Callable[[Observation], Float64]
-) -> tuple[list[Observation], list[float]]:
-    """Play a training episode by joint velocities (rad/s): all observations, and the rewards."""
-    seen, verdict = task.reset(number)
-    observations, rewards = [seen], []
-    while not verdict.truncated:
-        seen, verdict = task.step(act(seen))
-        observations.append(seen)
-        rewards.append(verdict.reward)
-    return observations, rewards

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from pa_ros.acting.insight import Insight
 from pa_ros.agents import TrainedAgent
-from pa_ros.arena import Design, Episode, ReachTask, conditions_for
+from pa_ros.arena import Design, Episode, ReachTask, conditions_for, play
 from pa_ros.arena.drawn_programs import novel
-from pa_ros.core.experience import Float32, Observation
-from pa_ros.evaluation.evaluate import EPISODES_SEED
+from pa_ros.core.experience import Float32, Observation, Verdict
+from pa_ros.evaluation.evaluate import EPISODES_SEED, pursuing
 from pa_ros.language import Logic, parse, relevance, satisfying
 from pa_ros.perception import task_seen
 from pa_ros.world.poses import POSE_WIDTH, in_base
@@ -62,25 +62,22 @@ class DetectorView:
 
     def looks(self, condition: str, episodes: int) -> Iterator[DetectorLook]:
         """Yield a look every EVERY steps of episodes 0 … `episodes` − 1 of a condition."""
-        act, task = self._agent.policy, self._task
         for index in range(episodes):
-            observation, verdict = task.reset(index, condition)
-            while True:
+            for observation, _ in self._play(self._task.reset(index, condition)):
                 rows = self._rows(observation) if observation.step % EVERY == 0 else None
                 if rows is not None:
                     yield self._look(replace(observation, objects=observation.objects[rows]))
-                if verdict.truncated:
-                    break
-                observation, verdict = task.step(act(observation, task.program))
 
     def show(self, look: DetectorLook) -> ReachTask:
         """The arena at the step of a look, for a picture; valid until the next call."""
-        act, task = self._agent.policy, self._task
         # The same actions from the same start lead to the same step: pictures need not be kept.
-        observation, _ = task.reset_to(look.episode)
-        while observation.step < look.step:
-            observation, _ = task.step(act(observation, task.program))
-        return task
+        for observation, _ in self._play(self._task.reset_to(look.episode)):
+            if observation.step == look.step:
+                break
+        return self._task
+
+    def _play(self, start: tuple[Observation, Verdict]) -> Iterator[tuple[Observation, Verdict]]:
+        return play(self._task, pursuing(self._task, self._agent.policy), start)
 
     def _rows(self, observation: Observation) -> NDArray[np.intp] | None:
         """The rows of the hand and of each block; None if a block has none."""

@@ -18,6 +18,7 @@ import torch
 from numpy.typing import NDArray
 
 from pa_ros.agents import TrainedAgent
+from pa_ros.arena import play
 from pa_ros.core.experience import Observation
 from pa_ros.evaluation.evaluate import EPISODES_SEED
 from pa_ros.language import LOGICS, MIN_MAX, And, Expression, Not, Or, Program, Word
@@ -151,13 +152,10 @@ class _Comparison:
     def _execute(self, program: Program) -> tuple[list[Observation], float]:
         """Execute a program in the task's current episode, from its start."""
         self._task.reset_to(self._task.episode)
-        observation, verdict = self._task.set_program(program)
-        seen, total = [observation], 0.0
-        while not verdict.truncated:
-            observation, verdict = self._task.step(self._act(observation, program))
-            seen.append(observation)
-            total += verdict.reward
-        return seen, total / (len(seen) - 1)
+        start = self._task.set_program(program)
+        steps = [*play(self._task, lambda seen: self._act(seen, program), start)]
+        rewards = [verdict.reward for _, verdict in steps[1:]]
+        return [seen for seen, _ in steps], sum(rewards) / len(rewards)
 
     def _relevance(self, seen: list[Observation], *programs: Program) -> NDArray[np.float32]:
         """p of each program at each observation in float32, as the networks compute it."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from pa_ros.arena.arms import ARMS
 from pa_ros.arena.kinematics import hand_controller
-from pa_ros.arena.task import ReachTask
+from pa_ros.arena.task import ReachTask, play
 from pa_ros.core.experience import Float64
 from pa_ros.language.syntax import NEAR, Program
 from pa_ros.world.relation import RELATIONS
@@ -166,12 +166,9 @@ def reward_per_step(
     task: ReachTask, policy: Policy, episode_index: int, condition: str = "train"
 ) -> float:
     """Mean reward per step of one episode."""
-    _, verdict = task.reset(episode_index, condition)
-    total, steps = 0.0, 0
-    while not verdict.truncated:
-        _, verdict = task.step(policy(task))
-        total, steps = total + verdict.reward, steps + 1
-    return total / steps
+    steps = play(task, lambda _: policy(task), task.reset(episode_index, condition))
+    _, *rewards = [verdict.reward for _, verdict in steps]  # a reset rewards no action
+    return sum(rewards) / len(rewards)
 
 
 def mean_reward(task: ReachTask, policy: Policy, episodes: int, condition: str = "train") -> float:

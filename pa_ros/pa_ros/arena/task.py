@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -315,3 +315,17 @@ class ReachTask:
         """Note what the training programs name among the present blocks."""
         if self._measures is not None:
             self._named = self._measures.named(self.simulation.objects(), HAND_INDEX)
+
+
+def play(
+    task: ReachTask, act: Callable[[Observation], Float64], start: tuple[Observation, Verdict]
+) -> Iterator[tuple[Observation, Verdict]]:
+    """Play an episode to its time limit; yields each step, first `start`, which began it.
+
+    `act` returns joint velocities in rad/s [J] for the step that was yielded last.
+    """
+    observation, verdict = start
+    yield observation, verdict
+    while not verdict.truncated:
+        observation, verdict = task.step(act(observation))
+        yield observation, verdict

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
@@ -16,6 +16,7 @@ from pa_ros.arena import (
     ArenaConfig,
     Design,
     ReachTask,
+    play,
     random_policy,
     scripted_action,
 )
@@ -113,22 +114,17 @@ def run_episodes(
 ) -> Iterator[EpisodeScore]:
     """Run episodes 0 … episodes − 1 of a condition and score each."""
     for index in range(episodes):
-        observation, _ = task.reset(index, condition)
-        yield _run_episode(task, act, observation)
+        yield _score(task, play(task, act, task.reset(index, condition)))
 
 
-def _run_episode(
-    task: ReachTask, act: Callable[[Observation], Float64], observation: Observation
-) -> EpisodeScore:
-    """Run the task's episode, of which this is the current observation, to its end."""
+def _score(task: ReachTask, steps: Iterable[tuple[Observation, Verdict]]) -> EpisodeScore:
+    """The score of an episode of a task that is played to its end."""
     # The verdict of the reset is left out: it rewards no action of the policy.
-    total, steps, ever, truncated = 0.0, 0, False, False
-    while not truncated:
-        observation, verdict = task.step(act(observation))
-        total, steps, ever = total + verdict.reward, steps + 1, ever or verdict.satisfied
-        truncated = verdict.truncated
-    end = verdict.satisfied, verdict.distance, ever, verdict.stage, verdict.violated
-    return EpisodeScore(task.episode.index, str(task.goal), total / steps, *end)
+    _, *verdicts = [verdict for _, verdict in steps]
+    reward, end = sum(verdict.reward for verdict in verdicts) / len(verdicts), verdicts[-1]
+    ever = any(verdict.satisfied for verdict in verdicts)
+    ended = end.satisfied, end.distance, ever, end.stage, end.violated
+    return EpisodeScore(task.episode.index, str(task.goal), reward, *ended)
 
 
 def goal_ends(
@@ -138,9 +134,9 @@ def goal_ends(
     is violated."""
     act = reference_policy(task, policy) if isinstance(policy, str) else pursuing(task, policy)
     for index in range(episodes):
-        observation, verdict = task.reset(index, condition)
-        while not (verdict.satisfied or verdict.violated or verdict.truncated):
-            observation, verdict = task.step(act(observation))
+        for _, verdict in play(task, act, task.reset(index, condition)):
+            if verdict.satisfied or verdict.violated:
+                break
         yield verdict
 
 
@@ -252,11 +248,12 @@ def evaluate_programs(
                 break
             task.reset(index, condition)
             try:
-                observation, verdict = task.set_program(program)
+                start = task.set_program(program)
             except ProgramError:  # it names nothing here
                 continue
+            _, verdict = start
             if not verdict.satisfied:
-                scores.append(_run_episode(task, pursuing(task, policy), observation))
+                scores.append(_score(task, play(task, pursuing(task, policy), start)))
         if len(scores) < episodes:
             raise ConfigError(
                 f"evaluate: expected {episodes} scenes in which {program} can hold, found "

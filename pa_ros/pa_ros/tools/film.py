@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 from pa_ros.agents import TrainedAgent
@@ -11,7 +12,9 @@ from pa_ros.arena import ArenaConfig, Design, Episode, ReachTask, condition_name
 from pa_ros.arena.movie import Picture, captioned, check_movie, write_movie
 from pa_ros.arena.render import draw
 from pa_ros.arena.skills import DemoProgram
+from pa_ros.arena.task import play
 from pa_ros.core.errors import ConfigError
+from pa_ros.evaluation.evaluate import pursuing
 from pa_ros.language import ProgramError, parse, satisfying, stages
 from pa_ros.perception import task_seen
 from pa_ros.world.relation import RELATIONS
@@ -117,22 +120,21 @@ def _goal_pictures(
 ) -> Iterator[Picture]:
     """The first episode of a condition, until its goal holds or cannot hold any more."""
     task = task_seen(agent.arena, agent.design, seed, agent.perception)
-    observation, verdict = task.reset(0, condition)
+    start = task.reset(0, condition)
     count = len(stages(task.goal))
-    while True:
-        satisfied, ends = verdict.satisfied, verdict.violated or verdict.truncated
-        state = "violated" if verdict.violated else "done" if satisfied else "to do"
+    for _, verdict in play(task, pursuing(task, agent.policy), start):
+        state = "violated" if verdict.violated else "done" if verdict.satisfied else "to do"
         caption = f"{verdict.stage + 1} of {count}   {state}"
         if task.program.avoided is not None:
             caption += f"   avoids {task.program.avoided}"
-        lines, color = (str(task.program.relation_alone), caption), REACHED if satisfied else AWAY
+        lines = str(task.program.relation_alone), caption
+        color = REACHED if verdict.satisfied else AWAY
         picture = captioned(draw(task, width, rendered), lines, color)
         yield picture
-        if satisfied or ends:
+        if verdict.satisfied or verdict.violated:
             break
-        observation, verdict = task.step(agent.policy(observation, task.program))
     yield from [picture] * PAUSE
-    if not satisfied:
+    if not verdict.satisfied:
         missed.append(str(task.goal))
 
 
@@ -141,12 +143,11 @@ def _executed(
 ) -> Iterator[tuple[str, bool]]:
     """Execute a program; for each step its caption, and whether the target is reached."""
     parsed = parse(program.text, agent.design.vocabulary)
-    observation, verdict = task.set_program(parsed)
-    policy, held, unit = agent.policy, 0, RELATIONS[parsed.relation].unit
-    for step in range(program.steps + 1):
+    steps = play(task, pursuing(task, agent.policy), task.set_program(parsed))
+    held, unit = 0, RELATIONS[parsed.relation].unit
+    for step, (_, verdict) in enumerate(islice(steps, program.steps + 1)):
         held = held + 1 if verdict.satisfied else 0
         state = "reached" if verdict.satisfied else f"{verdict.distance:.2f} {unit} away"
         yield f"{program.kind}   step {step}   {state}", verdict.satisfied
         if held == HELD:
             return
-        observation, verdict = task.step(policy(observation, parsed))
