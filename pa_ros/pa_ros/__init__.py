@@ -92,11 +92,11 @@ def train(
     from pa_ros.agents import train_agent
     from pa_ros.arena import ArenaChoice
     from pa_ros.learning.config import TrainConfig
-    from pa_ros.learning.recipes import LearningSettings, usual_recipe
+    from pa_ros.learning.recipes import LearningSettings
 
     chosen = ArenaChoice(design=design, arm=arm, preset=preset)
     blocks = chosen.design_of()
-    recipe = {"recipe": usual_recipe(blocks.vocabulary)}
+    recipe = {"recipe": blocks.recipe}
     learning = LearningSettings(**(recipe | settings))
     config = TrainConfig(
         out=Path(out), seed=seed, frames=frames, evaluate_every_frames=evaluate_every

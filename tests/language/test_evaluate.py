@@ -148,3 +148,20 @@ def test_instructions_of_a_program_that_moves_an_object() -> None:
 def test_registers_follow_the_rows_of_the_vocabulary() -> None:
     other = Vocabulary.of(shape=("SPHERE", "CUBE"), color=("BLUE", "RED"))
     assert compile_program(near("AND(RED, CUBE)"), other).a == (3, 4)
+
+
+def test_a_program_that_networks_have_no_input_for_does_not_compile() -> None:
+    """It would be read as another program."""
+    red, blue = Word("RED"), Word("BLUE")
+    moves, avoids = Program(red, moved=blue), Program(red, avoided=blue)
+    plain = Vocabulary.of(shape=("CUBE",), color=("RED", "BLUE"))
+    for vocabulary, program, code in (
+        (plain, moves, "program.moves"),
+        (plain.avoiding(), moves, "program.moves"),
+        (plain, avoids, "program.avoids"),
+        (plain.moving(), Program(red, moved=blue, avoided=red), "program.avoids"),
+    ):
+        with pytest.raises(ProgramError) as caught:
+            compile_program(program, vocabulary)
+        assert (caught.value.code, caught.value.source) == (code, str(program))
+    assert compile_program(moves, plain.moving()).moved == plain.row["BLUE"]

@@ -89,7 +89,7 @@ class Actor(Policy):
             acted = self.infer(observation, forms.plain, others)
         if program.moves_hand:
             return acted.action
-        return acted.action * self._speed(observation, program.relation, chosen)
+        return acted.action * self._speed(observation, program, chosen)
 
     def explore(self, observation: Observation, program: Program) -> Float32:
         """The networks' action with this episode's exploration noise, clipped to [-1, 1], [J]."""
@@ -128,10 +128,8 @@ class Actor(Policy):
 
         def score(program: Program) -> Score:
             acted = self.infer(observation, program.sets_alone.relation_alone)
-            moved, targets = self._compared(observation, program, _sets(acted, MEANT))
-            pair = None if program.moves_hand else moved
-            seen, pose = observation.objects, observation.hand_pose
-            return scoring.of_targets(targets, seen, program.relation, pose, pair)
+            sets = self._compared(observation, program, _sets(acted, MEANT))
+            return scoring.of_program(program, sets, observation.objects, observation.hand_pose)
 
         return score
 
@@ -191,14 +189,13 @@ class Actor(Policy):
         ]
 
     def _speed(
-        self, observation: Observation, relation: str, chosen: Sequence[Objects]
+        self, observation: Observation, program: Program, chosen: Sequence[Objects]
     ) -> np.float32:
         """The part of full speed at which an object is moved: less and less as the relation begins
         to hold, so that the object is not pushed on, and spheres do not roll away."""
-        moved, targets = chosen
         seen, pose = observation.objects, observation.hand_pose
-        measure = self._scoring.of_targets(targets, seen, relation, pose, moved).measure
-        part = measure / self._scoring.threshold(relation, between=True)
+        measure = self._scoring.of_program(program, chosen, seen, pose).measure
+        part = measure / self._scoring.threshold_of(program)
         stopped, full = self._slowed
         return np.float32(min(max((part - stopped) / (full - stopped), 0.0), 1.0))
 

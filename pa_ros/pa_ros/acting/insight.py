@@ -91,8 +91,8 @@ class Insight:
         hand = np.arange(phi.shape[1]) == observation.hand_index
         values[HAND.name] = hand.astype(np.float64)
         # Nobody needs an explanation of the hand, so the tree is that of the target alone.
-        sets = [program.target] if program.moves_hand else [program.moved, program.target]
-        tree = tuple(node for one in sets for node in _nodes(one, values.__getitem__, self._logic))
+        nouns = program.nouns
+        tree = tuple(node for one in nouns for node in _nodes(one, values.__getitem__, self._logic))
         return Explanation(self._version, labels, words, phi, p, tree)
 
 

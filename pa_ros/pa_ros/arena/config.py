@@ -140,7 +140,7 @@ def preset_for(design: Design, name: str = "", arm: str = "jaco") -> ArenaConfig
 
 def check_fits(config: ArenaConfig, design: Design) -> None:
     """Raise ConfigError, with the presets that fit, unless the arm can execute the programs."""
-    if design.vocabulary.moves_objects and not config.arm_touches_blocks:
+    if design.skill.touches_blocks and not config.arm_touches_blocks:
         fitting = [name for name, one in _presets(config.arm).items() if one.arm_touches_blocks]
         raise ConfigError(
             f"preset: expected one of {fitting} for {design.name}, whose blocks the arm must "

@@ -67,5 +67,6 @@ def outline(task: ReachTask) -> Float64:
     """The line around the places where the program's relation to the nearest target holds, from
     above: [M, 2] m. The program must name present objects."""
     program, positions = task.program, task.simulation.positions
-    places = (positions[i] for i in nearest_pair(task))
-    return RELATIONS[program.relation].outline(*places, task.scoring.threshold_of(program))
+    moved, target = (positions[i] for i in nearest_pair(task))
+    threshold = task.scoring.threshold_of(program)
+    return RELATIONS[program.relation].outline(moved, target, threshold)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, ClassVar
 
-from pa_ros.core.extensions import Registry
+from pa_ros.core.registry import Registry
 
 if TYPE_CHECKING:  # they look up the skill of a design
     import numpy as np
@@ -45,6 +45,8 @@ class Skill(ABC):
 
     preset: ClassVar[str] = "fast"
     """The arena's preset, unless another one is chosen."""
+    recipe: ClassVar[str] = "ours"
+    """How agents learn it, unless another recipe is chosen (`pa_ros.learning.recipes`)."""
     touches_blocks: ClassVar[bool] = False
     """Whether the arm has to touch blocks."""
     does: ClassVar[str]

@@ -127,7 +127,7 @@ def _check_world(path: Path, bag: Experience, learner: Learner) -> None:
 def _learner_asked(options: argparse.Namespace) -> tuple[Learner, dict[str, object]]:
     chosen = settings_from(options, ArenaChoice)
     design, arena = chosen.design_of(), chosen.arena_config()
-    learning = learning_from(options, design.vocabulary)
+    learning = learning_from(options, design)
     seed = options.seed or 0
     learner = Learner(
         learning.network.for_world(world_of(arena, design)),

@@ -11,7 +11,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import Leaf, Settings
 
 if TYPE_CHECKING:
-    from pa_ros.language import Vocabulary
+    from pa_ros.arena import Design
     from pa_ros.learning.recipes import LearningSettings
 
 Kind = TypeVar("Kind", bound=Settings)
@@ -74,16 +74,14 @@ def learning_given(options: argparse.Namespace, learning: LearningSettings) -> d
     return {path: leaves[path].read(text) for path, text in given.items()}
 
 
-def learning_from(
-    options: argparse.Namespace, vocabulary: Vocabulary, **values: Any
-) -> LearningSettings:
-    """How to learn, by the options of `add_learning`; `values` are others by dotted name.
+def learning_from(options: argparse.Namespace, design: Design, **values: Any) -> LearningSettings:
+    """How to learn a design, by the options of `add_learning`; `values` are others by dotted name.
 
-    The usual recipe depends on what programs of the vocabulary do.
+    Unless a recipe is named, it is the design's.
     """
-    from pa_ros.learning.recipes import LearningSettings, usual_recipe
+    from pa_ros.learning.recipes import LearningSettings
 
-    recipe = options.recipe or usual_recipe(vocabulary)
+    recipe = options.recipe or design.recipe
     names = {"recipe": recipe, "algorithm": options.algorithm}
     given = learning_given(options, LearningSettings(**names))
     return LearningSettings(**names, **values, **given)

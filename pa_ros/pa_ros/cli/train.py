@@ -70,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError("--namespace: needs --from-bag")
     chosen = settings_from(options, ArenaChoice)
     design, arena = chosen.design_of(), chosen.arena_config()
-    learning = learning_from(options, design.vocabulary)
+    learning = learning_from(options, design)
     config = settings_from(options, TrainConfig)
     perception = camera_of(
         config.out if options.resume else None, arena, design, options.perception

@@ -37,6 +37,7 @@ SUMMARIES = {
     "program.avoids_target": "target to be avoided",
     "program.over_time": "goal over time",
     "program.avoids": "nothing can be avoided",
+    "program.moves": "nothing can be moved",
     "program.compares": "nothing can be compared",
 }
 """Every code of a ProgramError, with the words for it in the message."""
@@ -114,6 +115,15 @@ def cannot_avoid(program: Program) -> ProgramError:
     source, expected = str(program), "a program without AVOID for these networks"
     span = Span(0, len("AVOID"))
     return ProgramError(source, span, code="program.avoids", expected=expected, received="AVOID")
+
+
+def cannot_move(program: Program) -> ProgramError:
+    """An error for a program that moves objects, where networks move the hand alone."""
+    source, received = str(program), program.arguments[0]
+    start = source.index(f"{program.relation}(") + len(program.relation) + 1
+    span = Span(start, start + len(received))
+    expected = "HAND, as programs of this world move the hand alone"
+    return ProgramError(source, span, code="program.moves", expected=expected, received=received)
 
 
 def one_of(words: Iterable[str]) -> str:

@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import Any
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.language.errors import cannot_avoid, check_words, foreign_word
-from pa_ros.language.syntax import COMPARISONS, NEAR, OF_PLACES, SIZE, Program
+from pa_ros.language.errors import cannot_avoid, cannot_move, check_words, foreign_word
+from pa_ros.language.syntax import COMPARISONS, HAND, NEAR, OF_PLACES, SIZE, Program
 
 RESERVED = frozenset({"HAND", "AND", "OR", "NOT", "THEN", "ALL", "AVOID", *COMPARISONS})
 
@@ -96,9 +96,12 @@ class Vocabulary:
 
     def check(self, program: Program) -> None:
         """Raise ProgramError for a program with another word or relation (program.unknown_word), or
-        one that avoids a set although networks don't learn to (program.avoids)."""
+        one that moves objects (program.moves) or avoids a set (program.avoids) although networks
+        don't learn to."""
         if program.relation not in self.relations:
             raise foreign_word(program, program.relation, self.relations)
+        if program.moved != HAND and not self.moves_objects:
+            raise cannot_move(program)
         if program.avoided is not None and not self.avoids:
             raise cannot_avoid(program)
         check_words(program, self.row)

@@ -8,7 +8,6 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from pa_ros.core.settings import OneOf, Settings, nested
-from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkSettings
@@ -79,13 +78,6 @@ _DEEP: Values = {
 }
 
 RECIPES: Mapping[str, Values] = {"paper": _PAPER, OURS: _OURS, PUSH: _PUSH, DEEP: _DEEP}
-
-
-def usual_recipe(vocabulary: Vocabulary) -> str:
-    """The default of a world, by what its programs do."""
-    if vocabulary.moves_objects:
-        return PUSH
-    return DEEP if vocabulary.avoids or len(vocabulary.relations) > 1 else OURS
 
 
 def _defaults(recipe: str, algorithm: str) -> dict[str, Settings]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64
-from pa_ros.language import Program
+from pa_ros.language import HAND, Program
 from pa_ros.learning.rules.all_goals import MAX_PROGRAMS
 from pa_ros.world import Scoring
 from pa_ros.world.measures import SAME
@@ -48,15 +48,15 @@ class SeenSets:
         sets &= ~bodies
         apart: dict[str, Float64] = {}  # by noun: how far each object's measures are from its own
         for program, (_, places), measure in zip(self._programs, sets, measures.T, strict=True):
-            noun = str(program.target if program.moves_hand else program.moved)
-            if program.moves_hand != places.any():  # else both or none are known
+            noun, of_hand = str(program.nouns[0]), HAND in program.sets
+            if of_hand != places.any():  # else both or none are known
                 own = self._own(program, places, objects, hand_pose)  # [T, N]
                 most = np.median(np.abs(own - measure[:, None]), axis=0)
-                most /= self._scoring.threshold(program.relation, not program.moves_hand)
+                most /= self._scoring.threshold_of(program)
                 apart[noun] = np.maximum(most, apart.get(noun, 0.0))
         bodies[hand_index] = False
         for program, two in zip(self._programs, sets, strict=True):
-            for noun, one in zip(map(str, (program.moved, program.target)), two, strict=True):
+            for noun, one in zip(map(str, program.sets), two, strict=True):
                 if noun in apart:
                     one |= bodies & (apart[noun] < SAME)
         return sets
@@ -66,7 +66,7 @@ class SeenSets:
     ) -> Float64:
         """The measure of each object with the hand, or with the nearest of these places, [T, N]."""
         relation = program.relation
-        if program.moves_hand:
+        if HAND in program.sets:
             return self._scoring.measures(relation, objects, hand_pose)
         own = [
             self._scoring.measures(relation, objects[:, [place]], hand_pose, objects)
