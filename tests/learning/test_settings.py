@@ -40,7 +40,8 @@ def test_a_name_that_is_no_text_is_rejected(name: str) -> None:
 def test_the_critic_starts_at_the_value_of_never_being_rewarded(
     recipe: str, discount: float, value: float
 ) -> None:
-    learning = LearningSettings(recipe=recipe, **{"learner.updates.discount": discount})
+    given: dict[str, Any] = {"recipe": recipe, "learner.updates.discount": discount}
+    learning = LearningSettings(**given)
     network = learning.network.for_world(WORLD)
     learner = Learner(network, learning.learner, training_programs(DESIGN), seed=0)
     assert learner.engine.tensors()["critic.output.bias"] == [value]

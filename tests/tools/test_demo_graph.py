@@ -9,12 +9,13 @@ from mcap_ros2.decoder import DecoderFactory
 from helpers.processes import processes_of
 from pa_ros.agents import load_agent
 from pa_ros.arena import ReachTask, design_named, preset_named, training_programs
+from pa_ros.arena.skills import DemoProgram
 from pa_ros.cli.demo import PUSHED, execute
 from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import parse
 from pa_ros.learning.checkpoints import load_policy
-from pa_ros.tools.film import FARTHER, DemoProgram, demo_programs, find_scene
+from pa_ros.tools.film import FARTHER, demo_programs, find_scene
 
 graph = pytest.mark.graph
 TWO_L, ARENA = design_named("2-L"), preset_named("fast")

@@ -117,6 +117,8 @@ class LearningSettings(Settings):
         if not isinstance(values, Mapping):
             return values
         values = nested(values)
+        if "protocol" in values:  # its older name
+            values["recipe"] = values.pop("protocol")
         recipe, algorithm = values.get("recipe", OURS), values.get("algorithm", DPG)
         names = isinstance(recipe, str) and isinstance(algorithm, str)
         if names and recipe in RECIPES and algorithm in ALGORITHMS:  # else rejected by name
