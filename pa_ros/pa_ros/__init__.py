@@ -20,8 +20,8 @@ In one process, without ROS:
     mine = pa_ros.train("2-L", out="runs/mine", frames=30_000)
     pa_ros.evaluate(mine, ["NEAR(HAND, AND(BLUE, SPHERE))"], episodes=20)
 
-The arena is a Gymnasium environment (`pa_ros.arena.ReachEnv`) and a ROS 2 node, too. docs/python.md
-has more; `pa_ros --help` lists the commands.
+The arena is a Gymnasium environment (`pa_ros.arena.ReachEnv`) and a ROS 2 node, too.
+docs/starting.md has more; `pa_ros --help` lists the commands.
 """
 
 from __future__ import annotations
