@@ -37,7 +37,7 @@ from sim_node.session import SimulatorError
 if TYPE_CHECKING:
     from sim_node.node import SimNode
 
-ABOUT = "time never goes back; moved blocks are seen from the next step on; docs/simulator.md"
+ABOUT = "time never goes back; moved blocks are seen from the next step on; docs/graph.md"
 TIME_CONTINUES = "done, except for the time: the clock never goes back"
 # The standard has its own codes for an impossible pose.
 INVALID_POSES = {"set_entity_state": INVALID_POSE, "spawn_entity": SpawnCode.INVALID_POSE}
