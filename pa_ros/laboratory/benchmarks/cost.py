@@ -1,6 +1,6 @@
 """What one DPG update must compute, counted from its sizes, and the least time that this takes.
 
-The counts are those of the cheapest arrangement we know (pa_ros/native/README.md), with each value
+The counts are those of the cheapest arrangement we know (docs/machines.md), with each value
 computed once. What an implementation computes again or moves through memory is not counted.
 """
 

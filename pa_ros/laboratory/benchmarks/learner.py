@@ -1,6 +1,6 @@
 """How fast an update of the learner is, beside other ways to do the same and a lower bound.
 
-docs/learner-cost.md states and explains the figures.
+docs/machines.md states and explains the figures.
 """
 
 from __future__ import annotations
