@@ -64,7 +64,7 @@ class RecordedEpisode:
         return steps[-1] - steps[0] + 1 - len(set(steps)) if steps else 0
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """The rows as arrays by name; the first axis is the row. Units: docs/bags.md."""
+        """The rows as arrays by name; the first axis is the row. Units: docs/tools.md."""
         rows, seen = self.rows, [row.seen for row in self.rows]
         stamps = [one.stamp_ns / 1e9 if one.stamp_ns >= 0 else np.nan for one in seen]
         return {

@@ -1,4 +1,4 @@
-"""Errors of this room; `code` says what kind (listed in docs/bags.md)."""
+"""Errors of this room; `code` says what kind (listed in docs/tools.md)."""
 
 from __future__ import annotations
 

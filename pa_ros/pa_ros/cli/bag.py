@@ -76,7 +76,7 @@ def _export(bag: Bag, options: argparse.Namespace) -> int:
     count = export(
         episodes(bag, options.namespace), options.out, options.episodes, options.format or "npz"
     )
-    print(f"{count} episodes in {options.out}, described in docs/bags.md")
+    print(f"{count} episodes in {options.out}, described in docs/tools.md")
     return 0
 
 

@@ -55,5 +55,5 @@ def _onnx(options: argparse.Namespace) -> None:
     worst = export_onnx(agent, options.onnx, programs)
     print(
         f"{options.onnx}: on {OBSERVATIONS:,} observations actions differ by {worst:.1g} at most; "
-        "docs/export.md describes inputs and outputs"
+        "docs/tools.md describes inputs and outputs"
     )

@@ -115,7 +115,7 @@ def write_onnx(
     graph.nodes.append(helper.make_node("Identity", [action], ["action"]))
     graph.nodes.append(helper.make_node("Identity", [relevance], ["relevance"]))
     body = helper.make_graph(
-        graph.nodes, "actor", inputs, outputs, graph.constants, "docs/export.md of pa_ros"
+        graph.nodes, "actor", inputs, outputs, graph.constants, "docs/tools.md of pa_ros"
     )
     opset = helper.make_opsetid("", OPSET)
     model = helper.make_model(body, opset_imports=[opset], ir_version=IR_VERSION)
