@@ -58,9 +58,7 @@ TABLES: dict[str, tuple[str, type[Settings]]] = {  # marker: file, settings
     "learner": ("docs/learning.md", DPGConfig),
     "td3": ("docs/learning.md", TD3Config),
     "network": ("docs/learning.md", NetworkSettings),
-    "nodes": ("docs/graph.md", NodeSettings),
     "robot": ("docs/robot.md", RobotSettings),
-    **{node: ("docs/graph.md", kind) for node, kind in NODES.items()},
 }
 
 
@@ -74,48 +72,58 @@ def parameters_yaml(node: str, purpose: str) -> str:
         f"/**/{node}:",
         "  ros__parameters:",
     ]
-    for leaf in NODES[node].leaves():
-        if leaf.path.startswith(OF_RECIPES):
-            continue
+    own = [leaf for leaf in NODES[node].leaves() if not leaf.path.startswith(OF_RECIPES)]
+    others = [leaf for leaf in NODES[node].leaves() if leaf.path.startswith(OF_RECIPES)]
+    for leaf in own:
         default = changed.get(leaf.path, leaf.default)
         default = list(default or ("",)) if isinstance(default, tuple) else default
         value = yaml.safe_dump(default, default_flow_style=True, width=1000).partition("\n")[0]
-        lines += [f"    # {leaf.description}", f"    {leaf.path}: {value}"]
-    if any(leaf.path.startswith(OF_RECIPES) for leaf in NODES[node].leaves()):
+        lines += [f"    # {leaf.description}{values(leaf)}", f"    {leaf.path}: {value}"]
+    if others:
         lines += [
-            "    # Settings that follow the recipe (docs/learning.md), such as",
-            "    # learner.updates.discount: 0.95",
-            "    # network.family: programmable",
+            "    #",
+            "    # Settings of learning, with the values of the usual recipe (docs/learning.md).",
+            "    # What is given here counts more than the recipe.",
         ]
+    for leaf in others:
+        meaning = f"{leaf.description}{values(leaf)}"
+        lines += [f"    # {meaning}", f"    # {leaf.path}: {shown(leaf.default)}"]
     return "\n".join(lines) + "\n"
+
+
+def values(leaf: Leaf) -> str:
+    """What a parameter may be, after its meaning; nothing where any text will do."""
+    expected = brief(leaf.expected)
+    return "" if expected == "text" else f" ({expected})"
 
 
 def table(kind: type[Settings], sets: dict[str, dict[str, Any]]) -> str:
     """A row for each setting, with its value in each named set.
 
-    TD3's table has only the settings that DPG lacks. A node's table omits the settings of its
-    recipe and those that all nodes share, the robot's those of sim_node.
+    Tables of learning have only the settings that a recipe changes, TD3's those that DPG lacks, and
+    the robot's those that sim_node lacks.
     """
-    names = ["Name", "Default", *(f"`{name}`" for name in sets), "Expected", "Meaning"]
+    of_learning = issubclass(kind, (LearnerConfig, NetworkSettings))
+    expected = [] if of_learning else ["Expected"]
+    names = ["Name", "Default", *(f"`{name}`" for name in sets), *expected, "Meaning"]
     rows = [f"| {' | '.join(names)} |", "|---" * len(names) + "|"]
     shared = {leaf.path for leaf in LearnerConfig.leaves()} if kind is TD3Config else set()
     leaves = list(kind.leaves())
-    if kind in NODES.values():
-        shared = {leaf.path for leaf in NodeSettings.leaves()}
-        leaves = [leaf for leaf in leaves if not leaf.path.startswith(OF_RECIPES)]
     if kind is RobotSettings:
         shared = {leaf.path for leaf in ArenaChoice.leaves()}
     leaves = [leaf for leaf in leaves if leaf.path not in shared]
-    prefix = f"{kind.SECTION}." if issubclass(kind, (LearnerConfig, NetworkSettings)) else ""
-    rows += [_row(leaf, sets, prefix) for leaf in leaves if leaf.default is not ...]
+    for leaf in leaves:
+        name = f"`{kind.SECTION}.{leaf.path}`" if of_learning else f"`{leaf.path}`"
+        default = shown(leaf.default) if leaf.default is not ... else ""
+        found = [shown(values.get(leaf.path, leaf.default)) for values in sets.values()]
+        other = ["" if value == default else value for value in found]
+        about = [brief(leaf.expected)] if expected else []
+        if default and (any(other) or not of_learning or kind is TD3Config):
+            rows.append(_row(name, default, *other, *about, leaf.description))
     return "\n".join(rows)
 
 
-def _row(leaf: Leaf, sets: dict[str, dict[str, Any]], prefix: str) -> str:
-    default = shown(leaf.default)
-    values = [shown(values.get(leaf.path, leaf.default)) for values in sets.values()]
-    other = ["" if value == default else value for value in values]
-    cells = (f"`{prefix}{leaf.path}`", default, *other, brief(leaf.expected), leaf.description)
+def _row(*cells: str) -> str:
     return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
 
 
