@@ -22,10 +22,10 @@ import numpy as np
 from laboratory.studies.cards import model_card, read_report
 from laboratory.studies.detectors import Accuracy
 from laboratory.studies.equalities import Difference
-from laboratory.studies.experiments import SOLVED, SeedSummary
+from laboratory.studies.experiments import SeedSummary
 from laboratory.studies.generalization import Summary
 from laboratory.studies.generalization_figures import in_words
-from laboratory.studies.tables import read_curves, read_rows, read_setting
+from laboratory.studies.tables import read_rows
 from laboratory.studies.variants import Variant
 from pa_ros.arena import design_named
 from pa_ros.evaluation.conditions import CONDITIONS
@@ -35,7 +35,7 @@ from pa_ros.perception import VIEWS
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "docs/results"
-PAGES = (ROOT / "RESULTS.md", ROOT / "README.md", ROOT / "docs/camera.md")
+PAGES = (ROOT / "RESULTS.md", ROOT / "README.md")
 
 # Tables of seeds by what they show; the words are the first cell.
 SEEDS = {
@@ -60,30 +60,20 @@ SEEDS = {
     "programmable-3D.paper-recipe": "3-D, `paper`",
     "canonical-2L.paper-recipe": "2-L, canonical, `paper`",
     "canonical-2C.paper-recipe": "2-C, canonical, `paper`",
+    "push-2": "push-2",
+    "push-3D": "push-3D",
+    "push-2-pairs": "push-2, also trained on pairs of blocks",
+    "push-2-sides": "push-2, five relations",
+    "push-2.push-joints-arm": "push-2, joint velocities",
+    "push-2.push-slow-arm.longer": "push-2, slow arm",
 }
-HEADLINES = {  # on the front page: design, arm, options of the experiment
-    "programmable-2L": ("2-L: 2 shapes × 2 colors, one pair held out", "fast", ""),
-    "programmable-3D": ("3-D: 3 × 3, the diagonal held out", "fast", ""),
-    "programmable-2L.paper-arm": ("2-L", "slow", "--preset paper --frames 60000 "),
-    "programmable-3D.paper-arm": ("3-D", "slow", "--preset paper --frames 100000 "),
+HEADLINES = {  # on the front page: design and arm
+    "programmable-2L": ("2-L: 2 shapes × 2 colors, one pair held out", "fast"),
+    "programmable-3D": ("3-D: 3 × 3, the diagonal held out", "fast"),
+    "programmable-2L.paper-arm": ("2-L", "slow"),
+    "programmable-3D.paper-arm": ("3-D", "slow"),
 }
 ARMS = {"": "fast", ".paper-arm": "slow"}
-VARIANTS = {  # tag of the tables: what is undone
-    "": "nothing",
-    "no-relabel": "relabeling",
-    "detector-gain-1": "faster detectors",
-    "discount-0.99": "short horizon (with the critic's start)",
-    "noise-0.3": "more noise",
-    "position-scale-5": "finer positions",
-    "self-weight-1": "little attention to itself",
-    "relations-see-properties": "f, r and α without one-hots",
-    "no-sparsity": "sparse detectors",
-    "biases": "no biases",
-    "full-rates": "half the rates",
-    "no-dropout": "hidden properties",
-    "warmup-1000": "late first update",
-    "no-dropout.warmup-1000": "hidden properties and late first update",
-}
 METHODS = {  # methods of the benchmark `baselines`
     "ours": "ours",
     "true-properties": "true properties in place of detectors (upper bound)",
@@ -101,14 +91,6 @@ FACED = {  # conditions of the benchmark `baselines`
     "ignore-new": "new kinds beside it",
     "reach-new-both": "new kind",
     "depth-6": "6 deep",
-}
-PUSHING = {  # tables of seeds in which blocks are moved
-    "push-2": "push-2",
-    "push-3D": "push-3D",
-    "push-2-pairs": "push-2, also trained on pairs of blocks",
-    "push-2-sides": "push-2, five relations",
-    "push-2.push-joints-arm": "push-2, joint velocities",
-    "push-2.push-slow-arm.longer": "push-2, slow arm",
 }
 ONE_PROPERTY = (
     *(f"{role}-{way}" for role in ("moved", "target") for way in (
@@ -137,17 +119,7 @@ CLAIMS = (  # in words, aim, table, conditions
     ("joint velocities, to blocks", 0.85, "push-2.push-joints-arm", ("pairs",)),
     ("slow arm", 0.85, "push-2.push-slow-arm.longer", ("eval",)),
 )
-UNDONE = {  # tags of variants of push-2
-    "": "nothing",
-    "no-hindsight": "places moved afterwards",
-    "no-moved": "half of each batch where a block moved",
-    "no-cross": "places where another block went",
-    "no-either": "programs with an OR of two",
-    "no-held": "random actions that are held",
-    "no-upper": "a layer above h",
-    "no-halving": "rates that halve",
-    "detector-gain-1": "faster detectors",
-}
+KEPT, LOWEST = ("train", "eval"), 6  # conditions on a card, and how many of the others
 NOTHING = "–"  # not measured
 
 
@@ -226,12 +198,10 @@ def _of_seeds(label: str) -> list[str]:
 
 def headline() -> str:
     rows = []
-    for label, (design, arm, options) in HEADLINES.items():
-        own = seeds_of(label)
-        name = label.partition(".")[0]
-        command = f"`pa_ros experiment {name} {options}--seeds 10 --first-seed 600`"
-        rows.append((design, arm, solved_of(own), solve_frames(label).partition(" ")[0], command))
-    return table(("Design", "Arm", "Solved", "Median frames until solved", "Command"), rows)
+    for label, (design, arm) in HEADLINES.items():
+        frames = solve_frames(label).partition(" ")[0]
+        rows.append((design, arm, solved_of(seeds_of(label)), frames))
+    return table(("Design", "Arm", "Solved", "Median frames until solved"), rows)
 
 
 def summaries(suffix: str) -> dict[str, Summary]:
@@ -245,30 +215,31 @@ def measured(tables: Sequence[dict[str, Summary]]) -> list[str]:
 
 
 def conditions() -> str:
-    arms = [summaries(suffix) for suffix in ARMS]
+    """Agents of 3-D by arm, and those that see."""
+    arms = [summaries(suffix) for suffix in (*ARMS, ".camera-3D")]
     rows = []
-    for name in measured(arms):
+    for name in measured(arms[: len(ARMS)]):
         cells = [in_words(name)]
         for arm in arms:
-            row = arm[name]
-            score = f"{row.normalized:.2f} [{row.low:.2f}, {row.high:.2f}]"
-            cells += [score, f"{row.worst_seed:.2f}", f"{row.blind_normalized:.2f}"]
+            row = arm.get(name)
+            score = row and f"{row.normalized:.2f} [{row.low:.2f}, {row.high:.2f}]"
+            cells += [score or NOTHING, f"{row.worst_seed:.2f}" if row else NOTHING]
         rows.append([cell.replace("-0.", "−0.") for cell in cells])
     head = [""]
-    for arm_name in ARMS.values():
-        head += [f"{arm_name} arm", "worst agent", "blind"]
+    for arm_name in (*(f"{name} arm" for name in ARMS.values()), "camera"):
+        head += [arm_name, "worst agent"]
     return table(head, rows)
 
 
 def views() -> str:
-    """Agents that see, by what they see through: each condition that was measured."""
+    """Agents that see, by what they see through: the conditions that all of them have."""
     found, rows = {name: summaries(f".{name}-3D") for name in VIEWS}, []
-    for condition in [name for name in CONDITIONS if name in found["camera"]]:
+    for condition in measured(list(found.values())):
         cells = [in_words(condition)]
         for seen in found.values():
-            row = seen.get(condition)
-            score = row and f"{row.normalized:.2f} [{row.low:.2f}, {row.high:.2f}]"
-            cells += [score or "–", f"{row.worst_seed:.2f}" if row else "–"]
+            row = seen[condition]
+            cells += [f"{row.normalized:.2f} [{row.low:.2f}, {row.high:.2f}]"]
+            cells += [f"{row.worst_seed:.2f}"]
         rows.append(cells)
     return table(["", *(cell for name in VIEWS for cell in (f"`{name}`", "worst agent"))], rows)
 
@@ -286,19 +257,6 @@ def relations() -> str:
         rows.append(cells)
     head = ["", "trained", "worst agent", "held-out kinds", "worst agent", "held-out combinations"]
     return table([*head, "worst agent"], rows)
-
-
-def logic() -> str:
-    """How much executing by smaller and greater, in place of products, changes each condition."""
-    rows = []
-    for suffix, arm in ARMS.items():
-        ours, product = summaries(suffix), summaries(f"{suffix}.product")
-        names = [name for name in measured([ours, product]) if name not in ("train", "random")]
-        gains = [ours[name].normalized - product[name].normalized for name in names]
-        worst = [min(kind[name].worst_seed for name in names) for kind in (product, ours)]
-        rows.append((arm, span(gains, "+.3f"), f"{worst[0]:.2f}", f"{worst[1]:.2f}"))
-    head = ("Arm", "Change of a condition's mean", "Worst agent, products", "Worst agent, ours")
-    return table(head, rows)
 
 
 def detectors() -> str:
@@ -332,40 +290,27 @@ def equalities() -> str:
     return table(("Laws", "p", "Action", "An episode's reward", "Mean reward"), rows)
 
 
-def forgetting() -> str:
-    switch = read_setting(RESULTS / "forgetting.csv", "switch_frames")["switch_frames"]
-    rows = []
-    for seed, curve in read_curves(RESULTS / "forgetting.csv").items():
-        scores = {row["frames"]: row["train_greedy.normalized"] for row in curve}
-        after = [score for frames, score in scores.items() if frames > switch]
-        before = max(frames for frames in scores if frames <= switch)
-        rows.append((f"{seed}", f"{scores[before]:.2f}", f"{min(after):.2f}", f"{after[-1]:.2f}"))
-    head = ("Seed", "At the switch", "Lowest afterwards", "At the end")
-    return table(head, rows)
-
-
 def variants() -> str:
-    rows = []
-    compared = {}
+    """Agents of 3-D that learned with one setting undone, by tag and arm."""
+    rows: dict[str, list[str]] = {}
     for suffix in ARMS:
         name = f"programmable-3D{suffix}"
         for row in read_rows(RESULTS / f"{name}-variants.csv", Variant):
-            compared[suffix, row.label.removeprefix(name).strip(".")] = row
-    for tag, words in VARIANTS.items():
-        cells = [words]
-        for suffix in ARMS:
-            row = compared[suffix, tag]
-            failed = [s for s in seeds_of(row.label) if tag and s.final_held_out < SOLVED]
-            short = [f"{s.seed}: {math.floor(100 * s.final_held_out) / 100:.2f}" for s in failed]
-            frames = f"{row.frames_to_solve:,.0f}" if math.isfinite(row.frames_to_solve) else "–"
+            tag = row.label.removeprefix(name).strip(".")
             new = summaries(f"{suffix}.{tag}" if tag else suffix)["reach-new-both"]
-            cells += [f"{row.solved}", frames, f"{row.held_out:.2f}", f"{new.normalized:.2f}",
-                      ", ".join(short) or "–"]  # fmt: skip
-        rows.append(cells)
-    head = ["Undone"]
+            undone = f"`{options(row.changed)}`" if tag else "nothing"
+            cells = rows.setdefault(tag, [f"`{tag}`" if tag else NOTHING, undone])
+            cells += [f"{row.solved}", f"{row.held_out:.2f}", f"{new.normalized:.2f}"]
+    head = ["`--tag`", "Undone by"]
     for arm in ARMS.values():
-        head += [f"{arm}: solved of 10", "frames", "held out", "both new", "not solved"]
-    return table(head, rows)
+        head += [f"{arm}: solved of 10", "held out", "both new"]
+    return table(head, [rows[tag] for tag in sorted(rows)])
+
+
+def options(changed: str) -> str:
+    """Settings as options of a command; what follows from another one is left out."""
+    named = [one.partition("=") for one in changed.split() if "critic_output_bias" not in one]
+    return " ".join(f"--{name} {value}" for name, _, value in named)
 
 
 def peers() -> str:
@@ -445,10 +390,6 @@ def claims() -> str:
             continue
         measure = "normalized" if "reach" in conditions else "success"
         values = by_seed(own, measure)
-        worst = [
-            (median(by_seed([row for row in own if row.condition == name], measure)), name)
-            for name in dict.fromkeys(row.condition for row in own)
-        ]
         close = by_seed([row for row in own if not math.isnan(row.close)], "close")
         spheres = [by_seed([r for r in found if r.spheres], name) for name in ("success", "ever")]
         rows.append((
@@ -457,70 +398,20 @@ def claims() -> str:
             median_of(values),
             f"{sum(value >= aim for value in values)} of {len(values)}",
             f"{min(values):.2f}",
-            f"{min(worst)[1]} {min(worst)[0]:.2f}" if len(worst) > 1 else NOTHING,
             f"{median(by_seed(own, 'ever')):.2f}",
             f"{median(close):.2f}" if close else NOTHING,
             ", ".join(f"{median(one):.2f}" for one in spheres if one) or NOTHING,
         ))  # fmt: skip
-    head = ("", "Aim", "Median of seeds", "Seeds at the aim", "Worst seed", "Worst condition",
-            "Ever", "Within 0.07 m", "Spheres: end, ever")  # fmt: skip
-    return table(head, rows, missing)
-
-
-def pushing_seeds() -> str:
-    rows, missing = [], []
-    for label, words in PUSHING.items():
-        if not (RESULTS / f"{label}-seeds.csv").exists():
-            missing.append(words)
-            continue
-        minutes = [s.wall_s_to_solve / 60 for s in seeds_of(label)]
-        known = [one for one in minutes if not math.isnan(one)]
-        rows.append((words, *_of_seeds(label), span(known, ".1f") if known else NOTHING))
-    head = ("", "Solved", "Frames", "Frames to solve", "Held out", "Trained", "Minutes to solve")
-    return table(head, rows, missing)
-
-
-def pushing_conditions() -> str:
-    found = {label: ends_of(label) for label in ("push-2", "push-3D")}
-    names = dict.fromkeys(row.condition for rows in found.values() for row in rows)
-    rows = []
-    for name in names:
-        cells = [name]
-        for label in found:
-            for spheres in (False, True):
-                own = [r for r in found[label] if r.condition == name and r.spheres == spheres]
-                cells.append(median_of(by_seed(own, "success")))
-        rows.append([*cells[:2], *cells[3:]])  # push-2 has no spheres
-    missing = [label for label in found if not found[label]]
-    return table(("", "push-2", "push-3D", "push-3D, spheres"), rows, missing)
-
-
-def pushing_variants() -> str:
-    path = RESULTS / "push-2-variants.csv"
-    found = {row.label: row for row in read_rows(path, Variant)} if path.exists() else {}
-    rows, missing = [], []
-    for tag, words in UNDONE.items():
-        label = f"push-2.{tag}".rstrip(".")
-        if (row := found.get(label)) is None:
-            missing += [words] if tag else []
-            continue
-        frames = f"{row.frames_to_solve:,.0f}" if math.isfinite(row.frames_to_solve) else NOTHING
-        cells = [
-            median_of(by_seed([r for r in ends_of(label) if r.condition == name], "success"))
-            for name in ("eval", "pairs", "reach")
-        ]
-        rows.append((words, f"{row.solved} of {row.seeds}", frames, *cells))
-    head = ("Undone", "Solved", "Frames to solve", "Held out", "To another block", "Reach")
+    head = ("", "Aim", "Median of seeds", "Seeds at the aim", "Worst seed", "Ever",
+            "Within 0.07 m", "Spheres: end, ever")  # fmt: skip
     return table(head, rows, missing)
 
 
 TABLES: dict[str, Callable[[], str]] = {
-    "headline": headline, "seeds": seeds, "conditions": conditions, "logic": logic,
+    "headline": headline, "seeds": seeds, "conditions": conditions,
     "relations": relations, "views": views,
-    "detectors": detectors, "equalities": equalities, "forgetting": forgetting,
+    "detectors": detectors, "equalities": equalities,
     "variants": variants, "peers": peers, "baselines": baselines, "claims": claims,
-    "pushing_seeds": pushing_seeds, "pushing_conditions": pushing_conditions,
-    "pushing_variants": pushing_variants,
 }  # fmt: skip
 
 
@@ -534,9 +425,20 @@ def filled(text: str) -> str:
 
 
 def card(folder: Path) -> str:
-    """The card of a shipped agent, with the scores of docs/results/shipped-NAME.json, which
-    `pa_ros eval --checkpoint shipped:NAME --condition all --json` wrote."""
-    return model_card(folder, read_report(RESULTS / f"shipped-{folder.name}.json"))
+    """The card of a shipped agent, with scores of docs/results/shipped-NAME.json, which
+    `pa_ros eval --checkpoint shipped:NAME --condition all --json` wrote: those of trained and of
+    held-out programs, and the lowest of the others."""
+    path = RESULTS / f"shipped-{folder.name}.json"
+    report = read_report(path)
+    scores = {key.split(".")[1]: score for key, score in report.items()
+              if key.endswith(".normalized")}  # fmt: skip
+    others = sorted(set(scores) - {*KEPT, "random"}, key=lambda name: (scores[name], name))
+    hidden = tuple(f"eval.{name}." for name in others[LOWEST:])
+    shown = {key: value for key, value in report.items() if not key.startswith(hidden)}
+    note = (
+        f"The table has two of {len(scores) - 1} conditions and the {LOWEST} lowest of the others"
+    )
+    return model_card(folder, shown) + f"{note}\n(docs/results/{path.name}).\n"
 
 
 def write_cards() -> None:

@@ -27,7 +27,8 @@ def test_the_card_of_a_shipped_agent_is_made_from_its_recorded_scores(name):
     scores = {(m["type"], m["name"]) for m in result["results"][0]["metrics"]}
     named = [(kind, name) for kind in SCORES for name in ("held-out programs", "trained programs")]
     assert scores == {*named}
-    assert card.count("%") > 10  # all conditions, not these two alone
+    rows = card.partition("| --- |")[2].splitlines()[1:]
+    assert [row.count("|") for row in rows[: len(named) + 4]] == [4] * 8  # two, and the lowest six
     assert result["name"].endswith("-camera") == (name == "camera")
     for function in re.findall(r"`pa_ros\.(\w+)\(", card):
         assert function in pa_ros.__all__
