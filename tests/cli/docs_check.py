@@ -28,11 +28,8 @@ WITH_GRAPH = re.compile(r"pa_ros (send|play)\b")  # commands that need what serv
 ENDED = (0, 130, -signal.SIGINT)  # done, or interrupted
 # What a reader brings along: a file or run of his own, or a graph that runs already.
 BROUGHT = {
-    "README.md": "printf 'sim_node: {ros__parameters: {design: 2-L}}\n"
-    "agent_node: {ros__parameters: {}}\n' > my.yaml",
-    "docs/console.md": "pa_ros train --frames 500 --out runs/mine --record runs/my-bag",
+    "docs/tools.md": "pa_ros train --frames 500 --out runs/mine --record runs/my-bag",
     "docs/robot.md": "cp docs/examples/robot.yaml .",
-    "docs/evaluation.md": "pa_ros train --design 3-D --frames 500 --out runs/X",
 }
 GRAPH_RUNS = {("docs/starting.md", 1): "pa_ros launch"}  # by block
 # Shown for what they complain of.

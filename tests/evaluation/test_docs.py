@@ -1,4 +1,4 @@
-"""Code blocks of the docs about scoring run as they are written."""
+"""Links of the docs lead somewhere, and code blocks about scoring run as they are written."""
 
 import re
 from pathlib import Path
@@ -8,6 +8,7 @@ import pytest
 from pa_ros.arena import conditions_for, design_named
 
 DOCS = Path(__file__).parents[2] / "docs"
+PAGES = [*DOCS.parent.glob("*.md"), *DOCS.glob("*.md")]
 
 
 def block_of(page: str) -> str:
@@ -23,14 +24,33 @@ def named_block(page: str, name: str) -> str:
     return str(block)
 
 
+def prose(page: Path) -> str:
+    return re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL)
+
+
+def headings(page: Path) -> set[str]:
+    """The anchors of a page."""
+    found = re.findall(r"^#+ (.*)$", prose(page), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-") for text in found}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_to_files_and_headings(page: Path):
+    for link in re.findall(r"\]\((?!http)([^)\s]+)\)", prose(page)):
+        name, _, heading = link.partition("#")
+        target = page.parent / name if name else page
+        assert target.exists(), link
+        assert not heading or heading in headings(target), link
+
+
 def test_an_arena_is_stepped_and_explained_as_the_page_shows(capsys):
-    exec(named_block("python.md", "process"), {})
+    exec(named_block("starting.md", "process"), {})
     assert capsys.readouterr().out.startswith("True 0.")
 
 
 def test_training_in_python_works_as_the_pages_show(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    short = named_block("python.md", "train").replace("30_000", "100")
+    short = named_block("starting.md", "train").replace("30_000", "100")
     exec(short.replace("episodes=20", "episodes=1"), {})
     rows = capsys.readouterr().out.splitlines()[-2:]
     untrained = ["NEAR(HAND, AND(BLUE, SPHERE))", "NEAR(HAND, AND(BLUE, NOT(CUBE)))"]
@@ -43,7 +63,7 @@ def test_training_in_python_works_as_the_pages_show(tmp_path, monkeypatch, capsy
 def test_baselines_trains_and_scores_another_librarys_agent(capsys) -> None:
     pytest.importorskip("stable_baselines3")
     sizes = "FRAMES, EPISODES, SEED = 10_000, 20, 0"
-    block = block_of("baselines.md")
+    block = block_of("evaluation.md")
     assert sizes in block
     exec(block.replace(sizes, "FRAMES, EPISODES, SEED = 110, 1, 0"), {})
     lines = capsys.readouterr().out.splitlines()

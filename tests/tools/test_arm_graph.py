@@ -54,7 +54,7 @@ def test_the_programs_that_the_readme_sends_name_something_in_the_scene_of_a_lau
 
 
 def test_the_page_on_python_shows_what_happens(arm: Arm, capsys) -> None:
-    page = (Path(__file__).parents[2] / "docs/python.md").read_text()
+    page = (Path(__file__).parents[2] / "docs/starting.md").read_text()
     example = page.partition("<!-- test: arm -->\n```python\n")[2].partition("```")[0]
     exec(example.replace('Arm.simulated("3-D", speed=2.0)', "Arm()", 1), {})
     shown = capsys.readouterr().out
@@ -188,7 +188,7 @@ def test_without_ros_the_error_says_what_to_do(monkeypatch) -> None:
 
 
 def test_the_page_on_the_simulator_steps_the_agent_to_its_target(arm: Arm, capsys) -> None:
-    page = (Path(__file__).parents[2] / "docs/simulator.md").read_text()
+    page = (Path(__file__).parents[2] / "docs/graph.md").read_text()
     example = page.partition("<!-- test: steps -->\n```python\n")[2].partition("```")[0]
     arm.reset(0)
     exec(example.replace("Arm.simulated()", "Arm()", 1), {})
