@@ -21,7 +21,6 @@ from pa_ros.learning.algorithms.td3.config import TD3Config
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.recipes import RECIPES, LearningSettings
 from pa_ros.networks.config import NetworkSettings
-from pa_ros.ros.settings import NodeSettings
 from sim_node.config import SimConfig
 from sim_node.robot.settings import RobotSettings
 
