@@ -1,6 +1,7 @@
 """Programs that avoid a set in the arena: the conditions of designs that have them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import hypot
 
 import pytest
@@ -15,8 +16,9 @@ from pa_ros.arena import (
 )
 from pa_ros.arena.avoiding import AVOID_WITHIN_M
 from pa_ros.arena.episodes import Block
+from pa_ros.arena.simulation import HAND_INDEX
 from pa_ros.core.errors import ConfigError
-from pa_ros.language import And, Not, Or, Program, parse, satisfying
+from pa_ros.language import And, Not, Or, Program, ProgramError, parse, satisfying
 
 DESIGN = design_named("3-D-avoid")
 
@@ -105,3 +107,13 @@ def test_a_comparison_is_made_beside_what_is_avoided() -> None:
     program = parse("AVOID(NOT(CUBE), NEAR(HAND, LEFTMOST(CUBE)))", DESIGN.vocabulary)
     task.set_program(program)
     assert (task.verifier.targets, task.program) == ((leftmost,), program)
+
+
+def test_a_world_says_whether_a_goal_can_hold() -> None:
+    task = ReachTask(preset_named("fast"), DESIGN, seed=0)
+    task.reset(0, "avoid")
+    objects = task.simulation.objects()
+    task.world.require_possible(task.goal, objects, HAND_INDEX)
+    with pytest.raises(ProgramError, match="target to be avoided"):
+        itself = replace(task.program, avoided=task.program.target)
+        task.world.require_possible(itself, objects, HAND_INDEX)

@@ -23,7 +23,7 @@ from pa_ros.arena import (
     generate,
     training_programs,
 )
-from pa_ros.arena.deep_programs import DeepPrograms
+from pa_ros.arena.drawn_programs import DeepPrograms
 from pa_ros.arena.reaching import DEPTHS
 from pa_ros.language import And, Expression, Not, Or, Program, Vocabulary, Word, parse, satisfying
 from pa_ros.language.syntax import walk
@@ -249,7 +249,7 @@ def test_deep_programs_have_their_depth_and_every_part_matters(deep: int) -> Non
 
 
 def test_an_impossible_deep_program_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pa_ros.arena.deep_programs.TRIES", 100)
+    monkeypatch.setattr("pa_ros.arena.drawn_programs.TRIES", 100)
     words = Vocabulary.of(shape=("CUBE",), color=("RED", "BLUE"))
     values = {"color": ("RED", "BLUE"), "shape": ("CUBE",)}
     row = Design("row", values, words, (Kind(color="RED", shape="CUBE"),), n_blocks=2)

@@ -9,7 +9,7 @@ from math import inf
 import numpy as np
 
 from pa_ros.arena.conditions import Condition
-from pa_ros.arena.designs import Design, Kind
+from pa_ros.arena.designs import Design
 from pa_ros.arena.drawn_programs import reaching_program
 from pa_ros.arena.formulas import FORMULAS, ZONES, ZONES_APART_M, goal_of
 from pa_ros.arena.reaching import Reaching, Wanted, trained
@@ -40,8 +40,7 @@ class Avoiding(Reaching):
         wanted = super().want(design, condition, rng)
         if not condition.avoided or rng.random() >= condition.avoided_share:
             return wanted
-        assert isinstance(wanted.goal, Program)
-        return _avoided(design, condition, wanted.goal, wanted.needed, rng)
+        return _avoid(design, condition, wanted, rng)
 
 
 SKILLS.register("avoid", Avoiding())
@@ -74,15 +73,12 @@ def _formula(design: Design, condition: Condition, rng: np.random.Generator) -> 
     return Wanted(goal, blocks, apart_m=ZONES_APART_M)
 
 
-def _avoided(
-    design: Design,
-    condition: Condition,
-    program: Program,
-    needed: list[Kind],
-    rng: np.random.Generator,
+def _avoid(
+    design: Design, condition: Condition, wanted: Wanted, rng: np.random.Generator
 ) -> Wanted:
-    """A program with a set to avoid, as a condition says, and the blocks that the set needs."""
-    target, *others = needed
+    """The same with a set to avoid, as a condition says, and the blocks that the set needs."""
+    program, (target, *others) = wanted.goal, wanted.needed
+    assert isinstance(program, Program)
     among = [kind for kind in condition.avoided if kind != target]
     count = 2 if condition.avoided_set == "or" else 1
     chosen = [among[i] for i in rng.permutation(len(among))[:count]]

@@ -12,9 +12,8 @@ import numpy as np
 from pa_ros.arena.arms import ARMS
 from pa_ros.arena.conditions import Condition, Term
 from pa_ros.arena.config import ArenaConfig
-from pa_ros.arena.deep_programs import DeepPrograms
 from pa_ros.arena.designs import Design, Kind, kinds
-from pa_ros.arena.drawn_programs import terms_for
+from pa_ros.arena.drawn_programs import DeepPrograms, terms_for
 from pa_ros.arena.episodes import PLACEMENT_TRIES, Block, Episode, Spot, spots_for
 from pa_ros.arena.errors import ArenaError
 from pa_ros.arena.kinematics import joints_at
