@@ -59,10 +59,13 @@ def test_an_agent_that_pushes_learns_and_is_scored_from_pictures(
 def test_pictures_are_of_one_condition_and_for_agents_that_see(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    for checkpoint, condition in (("shipped:camera", "all"), ("shipped:3-D", "eval")):
+    for checkpoint, condition, needs in (
+        ("shipped:camera", "all", "one condition"),
+        ("shipped:3-D", "eval", "an agent that sees"),
+    ):
         wanted = ["--checkpoint", checkpoint, "--condition", condition, "--pictures", "dim"]
         assert cli.main(["eval", *wanted]) == 2
-        assert "expected one condition and an agent that sees" in capsys.readouterr().err
+        assert f"--pictures: needs {needs}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
