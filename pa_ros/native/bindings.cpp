@@ -178,15 +178,18 @@ Observation make_observation(const Network& network, const Array& objects, const
 }
 
 // Arrays stay alive, being arguments, while other threads of Python run.
-void act(Actor& actor, const Array& objects, const Array& arm, int hand_index, const Writable& out,
-         const Writable& degrees) {
-    const Network& network = actor.shape();
-    const Observation seen = make_observation(network, objects, arm, hand_index);
-    float* action = read<float>("action", out, {network.actions});
-    const int rows = network.canonical ? 0 : 1 + kSets;
-    float* sets = read<float>("degrees", degrees, {rows, seen.objects});
+void act(Actor& actor, const Array& objects, const Array& arm, int hand_index, const Writable& out) {
+    const Observation seen = make_observation(actor.shape(), objects, arm, hand_index);
+    float* action = read<float>("action", out, {actor.shape().actions});
     const nb::gil_scoped_release released;
-    actor.act(seen, action, sets);
+    actor.act(seen, action);
+}
+
+void find_degrees(Actor& actor, const Array& objects, const Array& arm, int hand_index, const Writable& out) {
+    const Observation seen = make_observation(actor.shape(), objects, arm, hand_index);
+    float* degrees = read<float>("degrees", out, {1 + kSets, seen.objects});
+    const nb::gil_scoped_release released;
+    actor.degrees(seen, degrees);
 }
 
 void compute(Function function, const Array& x, const Array& y, const Writable& out,
@@ -345,9 +348,10 @@ void bind_actor(nb::module_& m) {
             "set_target",
             [](Actor& actor, const Array& words) { actor.set_target(make_targets(actor.shape(), words)); },
             "words"_a, "The same for canonical networks: the target's words, [1, groups].")
-        .def("act", act, "objects"_a, "arm"_a, "hand_index"_a, "action"_a, "degrees"_a,
-             "Objects [N, F], arm [A]; writes the action, [J], and the degrees [4, N] of p, what is "
-             "moved, the target and what is avoided; [0, N] for canonical networks.");
+        .def("act", act, "objects"_a, "arm"_a, "hand_index"_a, "action"_a,
+             "Objects [N, F], arm [A]; writes the action, [J].")
+        .def("degrees", find_degrees, "objects"_a, "arm"_a, "hand_index"_a, "degrees"_a,
+             "The same; writes the degrees [4, N] of p, what is moved, the target and what is avoided.");
 }
 
 // Errors of the library are Python's FusedError, which is there without the library too.

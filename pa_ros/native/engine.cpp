@@ -164,7 +164,8 @@ void Engine::fit(const Batch& batch) {
 }
 
 Actor::Actor(const Network& network, const Level& used)
-    : shape_(checked(network)), kernel_(used.kernel), parameters_(layout_of(network).size) {
+    : shape_(checked(network)), kernel_(used.kernel), parameters_(layout_of(network).size),
+      sized_(kMaxObjects + 1) {
     if (network.critic) throw Error("expected an actor, got a critic");
 }
 
@@ -180,16 +181,28 @@ void Actor::set_target(const Targets& target) {
     table_.copy(target, shape_);
 }
 
-void Actor::act(const Observation& seen, float* action, float* degrees) {
-    const std::lock_guard<std::mutex> turn(turn_);
+// Scratch memory for so many objects, made anew unless the present one is large enough.
+ActorKernel& Actor::kernel_for(const Observation& seen) {
     check_range("programs to act on", table_.rows, 1, 1);
     check_scene(seen.objects, seen.hand_index);
-    if (!actor_ || objects_ != seen.objects || length_ < table_.length) {
-        actor_.reset();
-        actor_.reset(kernel_->make_actor(shape_, parameters_.data(), seen.objects, (int)table_.length));
-        objects_ = seen.objects, length_ = (int32_t)table_.length;
+    Sized& sized = sized_[seen.objects];
+    if (!sized.kernel || sized.length < table_.length) {
+        sized.kernel.reset();
+        sized.kernel.reset(kernel_->make_actor(shape_, parameters_.data(), seen.objects, (int)table_.length));
+        sized.length = table_.length;
     }
-    actor_->act(seen, table_.table(), action, shape_.canonical ? nullptr : degrees);
+    return *sized.kernel;
+}
+
+void Actor::act(const Observation& seen, float* action) {
+    const std::lock_guard<std::mutex> turn(turn_);
+    kernel_for(seen).act(seen, table_.table(), action);
+}
+
+void Actor::degrees(const Observation& seen, float* degrees) {
+    const std::lock_guard<std::mutex> turn(turn_);
+    check_kind(!shape_.canonical, "programs");
+    kernel_for(seen).degrees(seen, table_.table(), degrees);
 }
 
 }  // namespace pa

@@ -92,16 +92,21 @@ class Actor {
     void set_program(const Programs& program);
     void set_target(const Targets& target);
 
-    // `action` [J] of one observation. `degrees` [1 + kSets, N] of programs, unless null: see ActorKernel.
-    void act(const Observation& seen, float* action, float* degrees);
+    void act(const Observation& seen, float* action);     // [J]
+    void degrees(const Observation& seen, float* degrees);  // [1 + kSets, N]: see ActorKernel
 
   private:
+    ActorKernel& kernel_for(const Observation& seen);
+
     const Network shape_;
     const Kernel* kernel_;
     Buffer parameters_;
     OwnTable table_;
-    int32_t objects_ = 0, length_ = 0;
-    std::unique_ptr<ActorKernel> actor_;
+    struct Sized {
+        int64_t length = 0;  // the longest program that fits
+        std::unique_ptr<ActorKernel> kernel;
+    };
+    std::vector<Sized> sized_;  // by the number of objects
     std::mutex turn_;
 };
 

@@ -57,16 +57,19 @@ class Act final : public ActorKernel {
         carve(work_, arena, size);
     }
 
-    void act(const Observation& seen, const Table& program, float* action, float* degrees) override {
+    void act(const Observation& seen, const Table& program, float* action) override {
         const FlushSubnormals flush;
         const int32_t row = 0;
-        set_table(work_, program);
-        set_objects(work_, seen.hand_index);
-        read_inputs(net_, work_, seen.object, seen.arm, 0, 1);
+        begin(seen, program);
         forward(net_, work_, &row, 1, false);
         actor_head(net_, work_, 1);
         for (int i = 0; i < shape_.actions; i++) action[i] = work_.action[i];
-        if (!degrees) return;
+    }
+
+    void degrees(const Observation& seen, const Table& program, float* degrees) override {
+        const FlushSubnormals flush;
+        begin(seen, program);
+        relevance_forward(net_, work_);
         const int n = seen.objects, last = shape_.words + (int)program.length;
         for (int i = 0; i < n; i++) degrees[i] = register_at(work_, shape_.words, 0, 0, last)[i];
         for (int set = 0; set < kSets; set++)
@@ -74,6 +77,12 @@ class Act final : public ActorKernel {
     }
 
   private:
+    void begin(const Observation& seen, const Table& program) {
+        set_table(work_, program);
+        set_objects(work_, seen.hand_index);
+        read_inputs(net_, work_, seen.object, seen.arm, 0, 1);
+    }
+
     Net net_;
     Network shape_;
     Work work_{};

@@ -75,8 +75,9 @@ class LearnerKernel {
 class ActorKernel {
   public:
     virtual ~ActorKernel();
-    // `degrees` [1 + kSets, N], unless null: p, then those of each set.
-    virtual void act(const Observation& seen, const Table& program, float* action, float* degrees) = 0;
+    virtual void act(const Observation& seen, const Table& program, float* action) = 0;
+    // p, then the degrees of each set of the program, [1 + kSets, N]: what `act` begins with.
+    virtual void degrees(const Observation& seen, const Table& program, float* degrees) = 0;
 };
 
 enum class Function : int32_t { exponential, tanh, tanh_of_sum };

@@ -202,6 +202,23 @@ inline void forward_block(const Net& net, Work& w, const int32_t* programs, int6
     }
 }
 
+// Φ and the registers of the first program on the first sample, from w.x and w.arm; the same bits as in
+// `forward_block`.
+inline void relevance_forward(const Net& net, Work& w) {
+    const Layout& l = net.l;
+    const int64_t features = net.shape->object_features, arms = net.shape->arm_features + 1, c = l.columns;
+    const float* weight = net.p + l.first + l.detectors;
+    float *first = w.first + l.detectors, *arm = w.first_arm + l.detectors;
+    w.ring = 1;
+    if (net.shape->detectors) {
+        multiply(1, c - l.detectors, arms, {w.arm, arms, 1}, weight + features * c, c, arm, c, FromZero{});
+        multiply(w.objects, c - l.detectors, features, {w.x, features, 1}, weight, c, first, c,
+                 FromRows{arm, c, w.objects});
+    }
+    evaluate_phi(net, w, 0, 1);
+    run_program(net, w, 0, 0, 0);
+}
+
 // h of every sample and program of the chunk, from w.x and w.arm. `programs` is [count, K].
 // `keep`: leave the activations of the whole chunk in w.first, for `trunk_backward`.
 inline void trunk_forward(const Net& net, Work& w, const int32_t* programs, int count, bool keep) {

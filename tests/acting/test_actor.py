@@ -34,7 +34,7 @@ def test_exploring_adds_the_episodes_noise_to_what_the_networks_say() -> None:
     for episode in (0, 4):
         observation, _ = world.reset(episode)
         for _ in range(5):
-            said = actor.infer(observation, world.program).action
+            said = actor.infer(observation, world.program)
             expected = np.clip(said + same.sample(episode), -1, 1).astype(np.float32)
             action = actor.explore(observation, world.program)
             np.testing.assert_array_equal(action, expected)
@@ -100,9 +100,7 @@ def test_acts_by_the_fused_code_where_it_applies(caplog) -> None:
     observation, _ = PointWorld().reset(0)
     plain = TorchActor(NETWORK, given.tensors, MIN_MAX)
     expected = plain.act(observation.objects, WORLD.arm(observation), PROGRAMS[0], 0)
-    np.testing.assert_allclose(
-        one.act(observation, PROGRAMS[0]), expected.action, rtol=0, atol=2e-6
-    )
+    np.testing.assert_allclose(one.act(observation, PROGRAMS[0]), expected, rtol=0, atol=2e-6)
     other.load(given)
     np.testing.assert_array_equal(
         other.act(observation, PROGRAMS[0]), one.act(observation, PROGRAMS[0])

@@ -45,7 +45,7 @@ def test_each_near_object_of_a_set_is_avoided(condition: str, most: int) -> None
                 only = replace(observation, objects=objects[shown])
                 total, expected = (
                     total + weight,
-                    expected + weight * actor.infer(only, program).action,
+                    expected + weight * actor.infer(only, program),
                 )
             found = actor.act(replace(observation, objects=objects), program)
             np.testing.assert_allclose(found, expected / total, atol=1e-6)

@@ -104,7 +104,7 @@ def test_a_nearer_block_about_which_the_agent_is_undecided_is_not_gone_for() -> 
         if np.sum((p >= 0.5 * p.max()) & (p < 0.75 * p.max())):
             undecided += 1
             np.testing.assert_array_equal(
-                actor.act(observation, task.program), actor.infer(observation, task.program).action
+                actor.act(observation, task.program), actor.infer(observation, task.program)
             )
     assert undecided > 2
 
@@ -116,7 +116,7 @@ def test_a_block_is_moved_slower_as_it_comes_to_its_place() -> None:
     for episode in range(3):
         observation, verdict = task.reset(episode, "eval")
         while not verdict.truncated:
-            full = actor.infer(observation, task.program).action
+            full = actor.infer(observation, task.program)
             part = actor.act(observation, task.program) / full
             assert part == pytest.approx(np.clip((verdict.distance - 0.06) / 0.06, 0, 1), abs=1e-3)
             slow, still = slow + bool(0 < part[0] < 1), still + (part[0] == 0)

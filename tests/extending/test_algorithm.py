@@ -53,8 +53,8 @@ def test_the_actor_learns_the_rewarded_action(tmp_path: Path) -> None:
         learner.engine.update(bandit)
     actor = TorchActor(learner.network, learner.engine.actor_tensors())
     program = learner.table.programs[int(batch.program[0, 0])]
-    acted = actor.act(batch.objects[0], batch.arm[0], program, 0)
-    np.testing.assert_allclose(acted.action, 0.5, atol=0.15)
+    action = actor.act(batch.objects[0], batch.arm[0], program, 0)
+    np.testing.assert_allclose(action, 0.5, atol=0.15)
 
 
 def test_its_settings_are_options_with_defaults_by_recipe() -> None:

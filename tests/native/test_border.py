@@ -52,7 +52,7 @@ def program(*rows: tuple[int, int, int], **changes: tuple[int, ...]) -> dict[str
 
 
 def scene(objects: int = 2) -> tuple[np.ndarray, np.ndarray, int, np.ndarray, np.ndarray]:
-    """What an actor is called with: objects, arm, the hand's index, and arrays for its answer."""
+    """What an actor is called with: objects, arm, the hand's index, and arrays for its answers."""
     zeros = partial(np.zeros, dtype=np.float32)
     return zeros((objects, 16)), zeros(18), 0, zeros(6), zeros((4, objects))
 
@@ -196,20 +196,25 @@ def test_networks_beyond_the_limits(attempt: Callable[[], object], message: str)
 def test_an_observation_and_its_action_array_must_fit() -> None:
     actor, (objects, arm, hand, action, degrees) = _fused.Actor(trunk()), scene()
     with pytest.raises(FusedError, match="programs to act on: expected 1 … 1, got 0"):
-        actor.act(objects, arm, hand, action, degrees)
+        actor.act(objects, arm, hand, action)
     actor.set_program(**program((3, 0, 0)))
-    actor.act(objects, arm, 1, action, degrees)
+    actor.act(objects, arm, 1, action)
     with pytest.raises(FusedError, match=r"action: .*\(6,\), got float32 \(5,\)"):
-        actor.act(objects, arm, 1, action[:5], degrees)
+        actor.act(objects, arm, 1, action[:5])
+    actor.degrees(objects, arm, 1, degrees)
     with pytest.raises(FusedError, match=r"degrees: .*\(4, 2\), got float32 \(3, 2\)"):
-        actor.act(objects, arm, 1, action, degrees[:3])
+        actor.degrees(objects, arm, 1, degrees[:3])
+    flat = _fused.Actor(canonical())
+    flat.set_target(np.array([[0, 2]], np.int32))
+    with pytest.raises(FusedError, match="not told of programs by networks of this kind"):
+        flat.degrees(objects, arm, 1, degrees)
     with pytest.raises(FusedError, match=r"arm: .*\(18,\), got float32 \(17,\)"):
-        actor.act(objects, arm[:17], 1, action, degrees)
+        actor.act(objects, arm[:17], 1, action)
     with pytest.raises(FusedError, match="hand_index"):
-        actor.act(objects, arm, 2, action, degrees)
+        actor.act(objects, arm, 2, action)
     action.flags.writeable = False
     with pytest.raises(TypeError):
-        actor.act(objects, arm, 1, action, degrees)
+        actor.act(objects, arm, 1, action)
 
 
 def test_views_keep_their_memory_alive() -> None:

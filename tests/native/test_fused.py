@@ -78,8 +78,8 @@ def test_the_actor_uses_the_programs_relation() -> None:
     actions = []
     for relation in made.network.vocabulary.relations:
         program = replace(parse(PROGRAMS[1], VOCABULARY), relation=relation)
-        actions.append(actor.act(*seen, program, 0).action)
-        np.testing.assert_allclose(actions[-1], reference.act(*seen, program, 0).action, atol=2e-6)
+        actions.append(actor.act(*seen, program, 0))
+        np.testing.assert_allclose(actions[-1], reference.act(*seen, program, 0), atol=2e-6)
     assert np.abs(np.diff(actions, axis=0)).min() > 1e-6
 
 
@@ -239,8 +239,8 @@ def test_actor_equals_the_formulas(kind: str, hand: int, self_weight: float, log
             scene = Scenes(features, joints, [program], rows, index, logic)
             expected = formulas(made.network, named, scene)[0, 0].detach()
             seen = batch.objects[0][order], batch.arm[0], program, index
-            np.testing.assert_allclose(actor.act(*seen).action, expected, rtol=0, atol=2e-6)
-            np.testing.assert_allclose(reference.act(*seen).action, expected, rtol=0, atol=2e-6)
+            np.testing.assert_allclose(actor.act(*seen), expected, rtol=0, atol=2e-6)
+            np.testing.assert_allclose(reference.act(*seen), expected, rtol=0, atol=2e-6)
 
 
 def test_equal_programs_act_alike_under_min_and_max_only() -> None:
@@ -251,7 +251,7 @@ def test_equal_programs_act_alike_under_min_and_max_only() -> None:
     for name, logic in LOGICS.items():
         for kind in FusedActor, TorchActor:
             actor = kind(made.network, made.actor, logic)
-            both = [actor.act(batch.objects[0], batch.arm[0], e, 0).action for e in (once, twice)]
+            both = [actor.act(batch.objects[0], batch.arm[0], e, 0) for e in (once, twice)]
             differ[name, kind] = float(np.abs(np.subtract(*both)).max())
     for kind in FusedActor, TorchActor:
         assert differ["min_max", kind] == 0.0

@@ -53,5 +53,5 @@ def test_the_actor_acts_by_roles() -> None:
     batch = make_batch(np.random.default_rng(0), 1, 5, 1, 1, made.network.world.arm_features)
     for program in made.table.programs:
         seen = batch.objects[0], batch.arm[0], program, 0
-        for ours, expected in zip(actor.act(*seen), reference.act(*seen), strict=True):
-            np.testing.assert_allclose(ours, expected, atol=2e-6)
+        np.testing.assert_allclose(actor.act(*seen), reference.act(*seen), atol=2e-6)
+        np.testing.assert_allclose(actor.degrees(*seen), reference.degrees(*seen), atol=2e-6)

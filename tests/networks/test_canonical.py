@@ -73,7 +73,7 @@ def test_modules_and_inference_agree_with_the_layers_by_hand() -> None:
     action = actor_module(*given, 1)
     np.testing.assert_allclose(action[0, 0].detach().numpy(), expected, atol=1e-9)
     inferred = TorchActor(CONFIG, actor).act(objects, arm, program, 1)
-    np.testing.assert_allclose(inferred.action, expected, atol=1e-5)
+    np.testing.assert_allclose(inferred, expected, atol=1e-5)
 
     hidden = np.tanh(critic["layers.0.weight"] @ x + critic["layers.0.bias"])
     hidden = np.concatenate([hidden, expected])

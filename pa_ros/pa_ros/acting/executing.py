@@ -1,7 +1,7 @@
 """The rules of executing: which of several objects, how fast, and how far from what is avoided.
 
-Networks are trained without these rules. They read what the networks said of each object in the
-same call that computed the action (`Acted.degrees`), so they add little to a control step.
+Networks are trained without these rules. They read what the networks say of each object
+(`Policy.degrees`), which costs a fraction of an action, so they add little to a control step.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pa_ros.core.experience import Float32, Observation
 from pa_ros.language import MIN_MAX, And, Logic, Not, Program
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError
-from pa_ros.networks.inference import AVOIDED, MOVED, RELEVANT, TARGET, Acted
+from pa_ros.networks.inference import AVOIDED, MOVED, RELEVANT, TARGET
 from pa_ros.world.comparisons import choose
 from pa_ros.world.scoring import Score, Scoring
 
@@ -38,6 +38,8 @@ EQUAL_M, NEARNESS_M = 0.30, 0.02
 
 Objects = Sequence[int]
 """Indices of objects of a scene."""
+Degrees = Sequence[Sequence[float]]
+"""Of p and the sets of a program, [4][N]."""
 
 
 class _Forms(NamedTuple):
@@ -79,29 +81,27 @@ class Actor(Policy):
         arm of another size.
         """
         forms = self._forms_of(program)
-        acted = self.infer(observation, forms.plain)
         if not self.evaluates_programs:
-            return acted.action
+            return self.infer(observation, forms.plain)
+        degrees = self._degrees(observation, forms.plain)
         if program.avoided is not None:
-            return self._avoid(observation, forms, acted)
-        chosen, others = self._choose(observation, program, acted)
-        if others:
-            acted = self.infer(observation, forms.plain, others)
+            return self._avoid(observation, forms, degrees)
+        chosen, others = self._choose(observation, program, degrees)
+        action = self.infer(observation, forms.plain, others)
         if program.moves_hand:
-            return acted.action
-        return acted.action * self._speed(observation, program, chosen)
+            return action
+        return action * self._speed(observation, program, chosen)
 
     def explore(self, observation: Observation, program: Program) -> Float32:
         """The networks' action with this episode's exploration noise, clipped to [-1, 1], [J]."""
         if self._noise is None:
             raise ActingError("policy: expected exploration noise, got a greedy actor")
-        plain = self._forms_of(program).plain
-        acted = self.infer(observation, plain)
+        plain, others = self._forms_of(program).plain, set[int]()
         if program.compares:
-            meant = _sets(acted, MEANT)
+            meant = _sets(self._degrees(observation, plain), MEANT)
             chosen = self._compared(observation, program, meant)
-            acted = self.infer(observation, plain, _left_out(observation, meant, chosen))
-        return self._noise.explore(acted.action, observation.episode)
+            others = _left_out(observation, meant, chosen)
+        return self._noise.explore(self.infer(observation, plain, others), observation.episode)
 
     def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
         """p, [N]: the degree to which the program means each object.
@@ -110,10 +110,10 @@ class Actor(Policy):
         """
         if self._version is None or not self.evaluates_programs:
             return ()
-        acted = self.infer(observation, self._forms_of(program).heedless)
-        p: list[float] = acted.degrees[RELEVANT].tolist()
+        degrees = self._degrees(observation, self._forms_of(program).heedless)
+        p = degrees[RELEVANT]
         if program.compares:
-            meant = _sets(acted, MEANT)
+            meant = _sets(degrees, MEANT)
             left_out = {*chain(*meant)}.difference(*self._compared(observation, program, meant))
             p = [0.0 if i in left_out else one for i, one in enumerate(p)]
         return tuple(p)
@@ -127,35 +127,35 @@ class Actor(Policy):
         self._need_degrees()
 
         def score(program: Program) -> Score:
-            acted = self.infer(observation, program.sets_alone.relation_alone)
-            sets = self._compared(observation, program, _sets(acted, MEANT))
+            degrees = self._degrees(observation, program.sets_alone.relation_alone)
+            sets = self._compared(observation, program, _sets(degrees, MEANT))
             return scoring.of_program(program, sets, observation.objects, observation.hand_pose)
 
         return score
 
-    def _avoid(self, observation: Observation, forms: _Forms, acted: Acted) -> Float32:
+    def _avoid(self, observation: Observation, forms: _Forms, degrees: Degrees) -> Float32:
         """The action under a program that avoids a set. Networks learn to avoid one object, and
         keep farther away than they must. So the action that avoids nothing and those that avoid one
         near object each are averaged, the nearest objects most.
         """
         program, avoided = forms.program, forms.program.avoided
         assert avoided is not None
-        to_avoid = {*_meant(acted.degrees[AVOIDED].tolist(), MEANT)}
-        targets = {*self._compared(observation, program, _sets(acted, MEANT))[1]}
+        to_avoid = {*_meant(degrees[AVOIDED], MEANT)}
+        targets = {*self._compared(observation, program, _sets(degrees, MEANT))[1]}
         if targets & to_avoid and not targets <= to_avoid and not program.compares:
             # Go for the targets that need not be avoided.
             forms = _Forms.of(replace(program, target=And((program.target, Not(avoided)))))
-            acted = self.infer(observation, forms.plain)
-            targets = {*_sets(acted, MEANT)[1]}
+            degrees = self._degrees(observation, forms.plain)
+            targets = {*_sets(degrees, MEANT)[1]}
         to_avoid -= targets
         places = observation.objects[:, :3].tolist()  # in the frame of the hand
         distance = {i: hypot(*places[i]) for i in sorted(to_avoid)}
         near = [i for i, metres in distance.items() if metres < AVOIDED_WITHIN_M]
-        _, others = self._choose(observation, forms.program, acted, to_avoid)
-        heedless = self.infer(observation, forms.heedless, others | to_avoid).action
+        _, others = self._choose(observation, forms.program, degrees, to_avoid)
+        heedless = self.infer(observation, forms.heedless, others | to_avoid)
         if not near:
             return heedless
-        actions = [self.infer(observation, forms.plain, to_avoid - {i}).action for i in near]
+        actions = [self.infer(observation, forms.plain, to_avoid - {i}) for i in near]
         distances = np.array([EQUAL_M, *(distance[i] for i in near)])
         weight = np.exp((distances.min() - distances) / NEARNESS_M)
         return np.asarray(weight / weight.sum() @ np.stack([heedless, *actions]), np.float32)
@@ -164,12 +164,12 @@ class Actor(Policy):
         self,
         observation: Observation,
         program: Program,
-        acted: Acted,
+        degrees: Degrees,
         hidden: Collection[int] = (),
     ) -> tuple[Sequence[Objects], set[int]]:
         """The object of each set that the agent goes for, and what networks are not to see: the
         others that the program means. Objects that are `hidden` are none of them."""
-        meant = _sets(acted, MEANT if program.compares else SURELY, hidden)
+        meant = _sets(degrees, MEANT if program.compares else SURELY, hidden)
         if len(meant[0]) == len(meant[1]) == 1:  # nothing to choose, as in most scenes
             return meant, set()
         chosen = self._compared(observation, program, meant)
@@ -199,6 +199,11 @@ class Actor(Policy):
         stopped, full = self._slowed
         return np.float32(min(max((part - stopped) / (full - stopped), 0.0), 1.0))
 
+    def _degrees(self, observation: Observation, program: Program) -> Degrees:
+        """`degrees` as numbers, which few objects make quicker than arrays."""
+        degrees: Degrees = self.degrees(observation, program).tolist()
+        return degrees
+
     def _forms_of(self, program: Program) -> _Forms:
         if self._forms is None or self._forms.program is not program:
             if program.compares:
@@ -215,10 +220,9 @@ class Actor(Policy):
             )
 
 
-def _sets(acted: Acted, least: float, hidden: Collection[int] = ()) -> list[list[int]]:
+def _sets(degrees: Degrees, least: float, hidden: Collection[int] = ()) -> list[list[int]]:
     """The objects of a program's two sets, before any comparison."""
-    rows = acted.degrees.tolist()
-    return [_meant(rows[row], least, hidden) for row in (MOVED, TARGET)]
+    return [_meant(degrees[row], least, hidden) for row in (MOVED, TARGET)]
 
 
 def _meant(degrees: Sequence[float], least: float, hidden: Collection[int] = ()) -> list[int]:

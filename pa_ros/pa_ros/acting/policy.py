@@ -16,7 +16,7 @@ from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.networks.detectors import degrees
 from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.families import family_of
-from pa_ros.networks.inference import Acted, Inference
+from pa_ros.networks.inference import Inference
 from pa_ros.networks.parameters import Tensors, actor_shapes, check_tensors
 
 log = logging.getLogger(__name__)
@@ -47,6 +47,8 @@ class Policy:
         self._inference: Inference | None = None
         self._tensors: Tensors = {}
         self._version: int | None = None
+        self._seen: Observation | None = None  # the newest, whose arm part is `_arm`
+        self._arm: Float32
 
     @classmethod
     def of(cls, snapshot: PolicySnapshot, logic: Logic = MIN_MAX) -> Self:
@@ -94,19 +96,25 @@ class Policy:
 
     def infer(
         self, observation: Observation, program: Program, hidden: Collection[int] = ()
-    ) -> Acted:
-        """What the networks say of a scene without its `hidden` objects.
+    ) -> Float32:
+        """The networks' action, [J], in a scene without its `hidden` objects.
 
         Raises ProgramError or NetworkError for a program that they cannot represent, ActingError
         before there are weights, or for objects or an arm of another size.
         """
-        if self._inference is None:
-            raise ActingError("policy: expected weights before acting, got none")
-        arm, objects, hand = self.arm(observation), observation.objects, observation.hand_index
+        objects, hand = observation.objects, observation.hand_index
         if hidden:
             shown = [i for i in range(len(objects)) if i not in hidden]
-            objects, hand = objects[shown], shown.index(hand)
-        return self._inference.act(objects, arm, program, hand)
+            objects, hand = objects.take(shown, 0), shown.index(hand)
+        return self._ready().act(objects, self.arm(observation), program, hand)
+
+    def degrees(self, observation: Observation, program: Program) -> Float32:
+        """How far the program means each object: p, then its sets (`networks.inference`), [4, N].
+
+        Only where networks evaluate programs. Raises what `infer` raises.
+        """
+        objects, hand = observation.objects, observation.hand_index
+        return self._ready().degrees(objects, self.arm(observation), program, hand)
 
     def phi(self, observation: Observation) -> Float32:
         """Φ, [V, N]: the degree to which each word describes each object. Raises as `arm`."""
@@ -115,14 +123,21 @@ class Policy:
 
     def arm(self, observation: Observation) -> Float32:
         """Arm part of Ω, [A]; ActingError for an observation of another size than the weights'."""
-        arm = self._world.arm(observation)
-        features = observation.objects.shape[-1], arm.size
-        if features != self._features:
-            raise ActingError(
-                "policy: expected {} features of an object and {} of the arm, as it was trained "
-                "with, got {} and {}".format(*self._features, *features)
-            )
-        return arm
+        if self._seen is not observation:  # several computations ask for one
+            arm = self._world.arm(observation)
+            features = observation.objects.shape[-1], arm.size
+            if features != self._features:
+                raise ActingError(
+                    "policy: expected {} features of an object and {} of the arm, as it was "
+                    "trained with, got {} and {}".format(*self._features, *features)
+                )
+            self._seen, self._arm = observation, arm
+        return self._arm
+
+    def _ready(self) -> Inference:
+        if self._inference is None:
+            raise ActingError("policy: expected weights before acting, got none")
+        return self._inference
 
 
 def _why_torch(network: NetworkConfig, inference: str) -> str:

@@ -212,9 +212,12 @@ class Actor:
     def set_target(self, words: Annotated[NDArray, dict(device='cpu', writable=False)]) -> None:
         """The same for canonical networks: the target's words, [1, groups]."""
 
-    def act(self, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, action: Annotated[NDArray, dict(device='cpu')], degrees: Annotated[NDArray, dict(device='cpu')]) -> None:
+    def act(self, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, action: Annotated[NDArray, dict(device='cpu')]) -> None:
+        """Objects [N, F], arm [A]; writes the action, [J]."""
+
+    def degrees(self, objects: Annotated[NDArray, dict(device='cpu', writable=False)], arm: Annotated[NDArray, dict(device='cpu', writable=False)], hand_index: int, degrees: Annotated[NDArray, dict(device='cpu')]) -> None:
         """
-        Objects [N, F], arm [A]; writes the action, [J], and the degrees [4, N] of p, what is moved, the target and what is avoided; [0, N] for canonical networks.
+        The same; writes the degrees [4, N] of p, what is moved, the target and what is avoided.
         """
 
 def level() -> str:

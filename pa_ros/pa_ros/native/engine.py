@@ -22,7 +22,6 @@ from pa_ros.native.tensors import FlatTensors
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.detectors import sharpened
 from pa_ros.networks.families import family_of
-from pa_ros.networks.inference import SETS, Acted
 from pa_ros.networks.parameters import Tensors
 from pa_ros.world.programs import ProgramTable
 
@@ -187,7 +186,7 @@ class FusedActor:
         described = self._family.describe(config, critic=False, logic=logic)
         self._actor = _fused.Actor(described)
         self._flat = FlatTensors(described, self._actor.parameters)
-        self._actions, self._sets = config.world.actions, 0 if described.is_canonical else SETS
+        self._actions = config.world.actions
         self._newest: Program | None = None  # that the library has
         self.load(tensors)
 
@@ -195,16 +194,27 @@ class FusedActor:
         """Act with these weights from now on."""
         self._flat.write(sharpened(tensors, self._logic))
 
-    def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Acted:
+    def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
         """See `Inference.act`."""
+        self._take(program)
+        action = np.empty(self._actions, np.float32)
+        self._actor.act(_contiguous(objects), _contiguous(arm), hand_index, action)
+        return action
+
+    def degrees(self, objects: Float32, arm: Float32, program: Program, hand: int) -> Float32:
+        """See `Inference.degrees`."""
+        self._take(program)
+        degrees = np.empty((4, len(objects)), np.float32)
+        self._actor.degrees(_contiguous(objects), _contiguous(arm), hand, degrees)
+        return degrees
+
+    def _take(self, program: Program) -> None:
         # Compiling takes longer than acting, and an agent acts on one program for many steps.
         if self._newest is not program:
             self._newest = None  # if compiling fails, the library's is not the newest
             self._family.set_program(self._actor, program, self._config)
             self._newest = program
-        action = np.empty(self._actions, np.float32)
-        degrees = np.empty((self._sets, len(objects)), np.float32)
-        objects = np.ascontiguousarray(objects, np.float32)
-        arm = np.ascontiguousarray(arm, np.float32)
-        self._actor.act(objects, arm, hand_index, action, degrees)
-        return Acted(action, degrees)
+
+
+def _contiguous(array: Float32) -> Float32:
+    return np.ascontiguousarray(array, np.float32)

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 from pa_ros.core.experience import Float32
 from pa_ros.language import Program
 from pa_ros.networks.parameters import Tensors
 
 RELEVANT, MOVED, TARGET, AVOIDED = range(4)
-"""Rows of `Acted.degrees`: p, then the sets of what is moved, where to, and what to avoid."""
-SETS = 4
-
-
-class Acted(NamedTuple):
-    """An action, and how far the program means each object of the scene."""
-
-    action: Float32  # [J] in [-1, 1]
-    degrees: Float32  # [4, N]; [0, N] of networks that evaluate no programs
+"""Rows of degrees: p, then the sets of what is moved, where to, and what to avoid."""
 
 
 class Inference(Protocol):
-    """Actions of one set of weights at a time."""
+    """Actions of one set of weights at a time, for objects [N, F] and arm [A]. NetworkError or
+    ProgramError for a program that the network cannot represent."""
 
     def load(self, tensors: Tensors) -> None:
         """Act with these weights, which fit the network, from now on."""
 
-    def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Acted:
-        """Act on objects [N, F] and arm [A]; NetworkError or ProgramError for a program that the
-        network cannot represent."""
+    def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
+        """The action in [-1, 1], [J]."""
+
+    def degrees(self, objects: Float32, arm: Float32, program: Program, hand: int) -> Float32:
+        """How far the program means each object, [4, N]; only where networks evaluate programs."""

@@ -13,7 +13,6 @@ from pa_ros.language import PRODUCT, Logic, Program
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.detectors import sharpened
 from pa_ros.networks.families import codes_of, family_of
-from pa_ros.networks.inference import Acted
 from pa_ros.networks.parameters import Tensors
 from pa_ros.networks.relevance import relevant_objects, relevant_sets
 
@@ -35,20 +34,20 @@ class TorchActor:
         self._module.load_state_dict({k: torch.from_numpy(v) for k, v in sharp.items()})
 
     @torch.inference_mode()
-    def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Acted:
+    def act(self, objects: Float32, arm: Float32, program: Program, hand_index: int) -> Float32:
         """See `Inference.act`."""
         programs = _programs(program, self._config)
         action = self._module(_scene(objects), _scene(arm), programs, hand_index)
-        degrees = self._degrees(objects, arm, programs, hand_index)
-        return Acted(np.asarray(action[0, 0].numpy()), degrees)
+        return np.asarray(action[0, 0].numpy())
 
-    def _degrees(self, objects: Float32, arm: Float32, programs: Any, hand_index: int) -> Float32:
-        if not family_of(self._config).evaluates_programs:
-            return np.empty((0, len(objects)), np.float32)
-        phi, logic = self._module.phi(_scene(objects), _scene(arm)), self._module.logic
-        p = relevant_objects(phi, hand_index, programs, logic)[0]  # [1, N]
+    @torch.inference_mode()
+    def degrees(self, objects: Float32, arm: Float32, program: Program, hand: int) -> Float32:
+        """See `Inference.degrees`."""
+        programs, logic = _programs(program, self._config), self._module.logic
+        phi = self._module.phi(_scene(objects), _scene(arm))
+        p = relevant_objects(phi, hand, programs, logic)[0]  # [1, N]
         registers = torch.stack([programs.moved, programs.target, programs.avoided], -1)
-        sets = relevant_sets(phi, hand_index, programs, registers, logic)[0, 0]  # [3, N]
+        sets = relevant_sets(phi, hand, programs, registers, logic)[0, 0]  # [3, N]
         return np.asarray(torch.cat([p, sets]).numpy())
 
     @torch.inference_mode()

@@ -60,7 +60,7 @@ def export_onnx(agent: TrainedAgent, path: Path, programs: Sequence[Program] = (
         codes = program_inputs(program, network).items()
         feeds |= {name: np.array([code] * len(scenes), np.int64) for name, code in codes}
         (actions,) = session.run(["action"], feeds)
-        expected = np.array([actor.infer(seen, program).action for seen in scenes])
+        expected = np.array([actor.infer(seen, program) for seen in scenes])
         worst = max(worst, float(np.abs(actions - expected).max()))
     if not worst <= PARITY:
         raise ConfigError(
