@@ -62,10 +62,11 @@ def setting(
     schema: ObjectSchema = PAPER,
     joints: int = 6,
     relations: tuple[str, ...] = ("NEAR",),
+    texts: tuple[str, ...] = (),
     **sizes: Any,
 ) -> Setting:
     """Random networks. `scale` multiplies the detectors; a large one moves p near 0 and 1. The
-    programs use `relations` in turn."""
+    programs use `relations` in turn; `texts` are more of them."""
     vocabulary = vocabulary.asking(*relations)
     network = NetworkConfig(
         world=World(schema, vocabulary, joints), family=kind, actor_output_scale=0.3, **sizes
@@ -76,6 +77,8 @@ def setting(
         program = replace(parse(text, VOCABULARY), relation=relation)
         if words.issuperset(program.words):
             table.add(program)
+    for text in texts:
+        table.add(parse(text, vocabulary))
     rng = np.random.default_rng(1)
     actor, critic = initial_actor(network, rng), initial_critic(network, rng)
     for tensors in (actor, critic):
@@ -150,3 +153,11 @@ def check_gradients(made: Setting, batch: Batch, **changes: object) -> None:
     squares = [np.square(g).sum() for name, g in expected.items() if name.startswith("actor.")]
     norm = engine.metrics()["actor_gradient_norm"]
     assert norm == pytest.approx(np.sqrt(sum(squares)), rel=1e-4)
+
+
+def check_batches(made: Setting, objects: int, programs: int) -> None:
+    """Check the gradients of a small batch, and of a large one by two threads."""
+    rng, arm = np.random.default_rng(objects), made.network.world.arm_features
+    for size, threads in ((13, 1), (70, 2)):
+        batch = make_batch(rng, size, objects, programs, len(made.table), arm)
+        check_gradients(made, batch, engine__threads=threads)

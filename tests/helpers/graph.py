@@ -14,7 +14,7 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from helpers.learners import ARENA
+from helpers.learners import ARENA, small
 from helpers.waiting import DEADLINE_S
 from learner_node.config import LearnerNodeConfig
 from learner_node.worker import LearnerWorker, Sinks
@@ -48,12 +48,7 @@ from pa_ros.world import Trajectory
 from sim_node.session import Session
 
 # Settings of a learner whose updates take little time, and the same as parameters of `graph`.
-SMALL: dict[str, Any] = {
-    "learner.replay.warmup_frames": 20,
-    "learner.replay.batch_size": 8,
-    "learner.schedule.trajectory_steps": 10,
-    "network.hidden": 16,
-}
+SMALL = small(20, 8, 16) | {"learner.schedule.trajectory_steps": 10}
 SMALL_LEARNER = {f"learner_node__{name}": value for name, value in SMALL.items()}
 # Parameters of an arena in real time, and of an agent that is trained for it.
 SCENE = {"sim_node__design": "3-D", "sim_node__seed": 2, "sim_node__mode": "real_time"}
@@ -253,12 +248,8 @@ class User:
         self._state = probe.create_client(GetState, f"{name}/get_state")
         self._set = probe.create_client(SetParameters, f"{name}/set_parameters")
         self.events: list[str] = []
-        probe.create_subscription(
-            TransitionEvent,
-            f"{name}/transition_event",
-            lambda event: self.events.append(event.goal_state.label),
-            100,
-        )
+        heard = lambda event: self.events.append(event.goal_state.label)  # noqa: E731
+        probe.create_subscription(TransitionEvent, f"{name}/transition_event", heard, 100)
 
     def ask(self, number: int = 0, label: str = "") -> tuple[bool, str]:
         """Request a transition; whether it succeeded, and the state after it."""

@@ -163,13 +163,15 @@ def following(learner: LearnerInfo = FAR_BEHIND) -> LearningAgent:
 
 EXAMPLES = Path(__file__).parents[1] / "extending"
 FRAMES = 300
-# Settings for the recipe `ours` with which a few hundred frames are enough.
-SMALL: dict[str, Any] = {
-    "learner.replay.warmup_frames": 100,
-    "learner.replay.batch_size": 16,
-    "network.hidden": 16,
-    "network.attention": 8,
-}
+
+
+def small(warmup: int, batch: int, hidden: int, **attention: int) -> dict[str, Any]:
+    """Settings of learners whose updates take little time."""
+    replay = {"learner.replay.warmup_frames": warmup, "learner.replay.batch_size": batch}
+    return {**replay, "network.hidden": hidden, **{f"network.{k}": v for k, v in attention.items()}}
+
+
+SMALL = small(100, 16, 16, attention=8)  # a few hundred frames are enough for the recipe `ours`
 
 
 def load_example(name: str) -> ModuleType:

@@ -39,9 +39,8 @@ def answer(to: Observation, share: float = 0.5, **fields: Any) -> Command:
 def judged(step: int, near: bool, stamp_ns: int, **fields: Any) -> Step:
     """A step whose verdict is +1 within 0.1 m, or -1 at 0.5 m; `fields` are of any of its parts."""
     given = {"episode": 0, "step": step, "stamp_ns": stamp_ns, **fields}
-    verdict = Verdict(
-        1.0 if near else -1.0, near, 0.1 if near else 0.5, given.pop("truncated", False)
-    )
+    reward, distance = (1.0, 0.1) if near else (-1.0, 0.5)
+    verdict = Verdict(reward, near, distance, given.pop("truncated", False))
     evaluation = given.pop("evaluation", False)
     return Step(replace(observation(), **given), verdict, evaluation=evaluation)
 

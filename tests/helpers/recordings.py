@@ -10,6 +10,7 @@ import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+from helpers.learners import small
 from helpers.processes import pa_ros
 from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.arena import ARMS, Kind, ReachTask, design_named, preset_named
@@ -25,12 +26,7 @@ from pa_ros.ros.topics import Topic
 from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.definitions import installed_types, message_type, to_cdr
 from pa_ros.wire.program import ProgramRequest, decode_program, encode_program
-from pa_ros.wire.step import (
-    Command,
-    encode_command,
-    encode_joints,
-    encode_step,
-)
+from pa_ros.wire.step import Command, encode_command, encode_joints, encode_step
 
 STORE = installed_types()
 TOPIC = topic(STORE, "/program", "msgs_schema/msg/Program", [reliable_qos(1, latched=True)])
@@ -135,11 +131,7 @@ def recorded(folder: Path, steps: list[Acted]) -> Path:
     return folder
 
 
-SMALL: dict[str, Any] = {
-    "learner.replay.warmup_frames": 20,
-    "learner.replay.batch_size": 8,
-    "network.hidden": 16,
-}
+SMALL = small(20, 8, 16)
 
 
 def train(out: Path, *arguments: str | Path, frames: int = 500) -> int:

@@ -13,10 +13,7 @@ EPISODES = 1
 CONDITIONS = ("eval", "random")
 SEEDS = (0, 1)
 SMALL = replace(
-    EXPERIMENTS["programmable-2L"],
-    frames=2000,
-    evaluate_every_frames=500,
-    evaluation_episodes=1,
+    EXPERIMENTS["programmable-2L"], frames=2000, evaluate_every_frames=500, evaluation_episodes=1
 )
 
 

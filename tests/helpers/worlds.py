@@ -13,11 +13,14 @@ from pa_ros.learning.learner import Learner
 from pa_ros.learning.loop import train
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Reward, Scoring, Sparse, Trajectory
-from pa_ros.world.schema import PAPER
+from pa_ros.world.schema import COLORS, PAPER, SHAPES, ObjectSchema, PropertyGroup, Seen
 from pa_ros.world.world import World
 
 WORDS = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
 WORLD = World(PAPER, WORDS, joints=6)
+UNTOLD = ObjectSchema(  # as PAPER, but its features tell no words
+    (PropertyGroup("shape", SHAPES, Seen(4)), PropertyGroup("color", COLORS, Seen(5)))
+)
 POSE = np.array([0.4, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0])  # pose of a hand
 PROGRAMS = tuple(
     parse(f"NEAR(HAND, AND({words}))", WORDS) for words in ("RED, CUBE", "BLUE, SPHERE")
