@@ -1,4 +1,4 @@
-"""The actor: noise, weights it refuses, and the order an agent must keep."""
+"""The actor: noise, weights it refuses, the order an agent must keep, and how it avoids a set."""
 
 import logging
 from dataclasses import replace
@@ -8,13 +8,16 @@ import pytest
 
 from helpers.worlds import PROGRAMS, WORLD, PointWorld, dpg
 from pa_ros.acting.errors import ActingError
-from pa_ros.acting.executing import Actor
+from pa_ros.acting.executing import AVOIDED_WITHIN_M, EQUAL_M, NEARNESS_M, Actor
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.acting.policy import inference_for
-from pa_ros.language import MIN_MAX, PRODUCT, ProgramError, Vocabulary, parse
+from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.core.experience import PolicySnapshot
+from pa_ros.language import MIN_MAX, PRODUCT, Program, ProgramError, Vocabulary, parse, satisfying
 from pa_ros.learning.learner import Learner
 from pa_ros.native.engine import FusedActor
 from pa_ros.networks.config import NetworkConfig, actor_config
+from pa_ros.networks.parameters import initial_actor
 from pa_ros.networks.torch_actor import TorchActor
 
 NETWORK = NetworkConfig(world=WORLD, hidden=6, attention=4)
@@ -100,11 +103,10 @@ def test_acts_by_the_fused_code_where_it_applies(caplog) -> None:
     observation, _ = PointWorld().reset(0)
     plain = TorchActor(NETWORK, given.tensors, MIN_MAX)
     expected = plain.act(observation.objects, WORLD.arm(observation), PROGRAMS[0], 0)
-    np.testing.assert_allclose(one.act(observation, PROGRAMS[0]), expected, rtol=0, atol=2e-6)
     other.load(given)
-    np.testing.assert_array_equal(
-        other.act(observation, PROGRAMS[0]), one.act(observation, PROGRAMS[0])
-    )
+    acted, again = (each.act(observation, PROGRAMS[0]) for each in (one, other))
+    np.testing.assert_allclose(acted, expected, rtol=0, atol=2e-6)
+    np.testing.assert_array_equal(again, acted)
 
 
 def test_the_graph_and_the_loop_choose_alike() -> None:
@@ -121,12 +123,47 @@ def test_other_refusals() -> None:
     with pytest.raises(ActingError, match="got none"):
         actor.act(observation, PROGRAMS[0])
     actor.load(snapshot())
+    unknown = parse("NEAR(HAND, GREEN)", Vocabulary.of(shape=("CUBE",), color=("GREEN",)))
     with pytest.raises(ProgramError):
-        actor.act(
-            observation,
-            parse("NEAR(HAND, GREEN)", Vocabulary.of(shape=("CUBE",), color=("GREEN",))),
-        )
+        actor.act(observation, unknown)
     with pytest.raises(ActingError, match="greedy actor"):
         actor.explore(observation, PROGRAMS[0])
     with pytest.raises(ActingError, match="architecture"):
         Actor.of(replace(snapshot(), architecture="{}"))
+
+
+@pytest.mark.parametrize(("condition", "most"), [("avoid", 1), ("avoid-or", 2), ("avoid-not", 3)])
+def test_each_near_object_of_a_set_is_avoided(condition: str, most: int) -> None:
+    task = ReachTask(preset_named("fast"), design_named("3-D-avoid"), seed=1)
+    network = NetworkConfig(world=task.world, family="true-properties", hidden=8, attention=4)
+    tensors = initial_actor(network, np.random.default_rng(0))
+    tensors["output.weight"] = np.ones_like(tensors["output.weight"])
+    actor = Actor(network)
+    actor.load(PolicySnapshot(1, network.architecture, network.world.digest, tensors))
+    counts = set()
+    for index in range(4):
+        observation, _ = task.reset(index, condition)
+        program = task.program
+        assert program.avoided is not None
+        words = [frozenset[str](), *(block.kind.words for block in task.episode.blocks)]
+        avoided = np.array(satisfying(Program(program.avoided), words, 0))
+        assert avoided.sum() == most
+        for scale in (1.0, 0.2, 5.0):
+            objects = observation.objects.copy()
+            objects[:, :3] *= scale
+            distance = np.linalg.norm(objects[:, :3], axis=1)
+            near = np.flatnonzero(avoided & (distance < AVOIDED_WITHIN_M))
+            counts.add(len(near))
+            left = replace(observation, objects=objects[~avoided])
+            total = np.exp(-EQUAL_M / NEARNESS_M)
+            expected = total * actor.act(left, program.relation_alone)
+            for i in near:
+                shown = ~avoided
+                shown[i] = True
+                weight = np.exp(-distance[i] / NEARNESS_M)
+                only = replace(observation, objects=objects[shown])
+                total += weight
+                expected += weight * actor.infer(only, program)
+            found = actor.act(replace(observation, objects=objects), program)
+            np.testing.assert_allclose(found, expected / total, atol=1e-6)
+    assert {0, most} <= counts

@@ -7,13 +7,7 @@ import numpy as np
 
 from helpers.learners import LEARNER, ME, again, published
 from helpers.worlds import random_trajectory
-from pa_ros.acting.send_window import (
-    FREE_WINDOW,
-    RESENT_AT_ONCE,
-    FreeSendWindow,
-    SendWindow,
-    Wait,
-)
+from pa_ros.acting.send_window import FREE_WINDOW, RESENT_AT_ONCE, FreeSendWindow, SendWindow, Wait
 from pa_ros.core.experience import NO_LAG, LearnerInfo, PublishedPolicy
 from pa_ros.world import Trajectory
 
@@ -169,9 +163,8 @@ def test_trajectories_that_a_free_agents_learner_ignores_are_sent_again_then_los
     for m in range(FREE_WINDOW):
         window.add(trajectory(m))
     assert window.overdue(False) == [] and not window.stalled  # not for a period yet
-    assert [one.sequence for one in window.overdue(False)] == list(
-        range(RESENT_AT_ONCE)
-    ) and window.stalled
+    again = [one.sequence for one in window.overdue(False)]
+    assert again == list(range(RESENT_AT_ONCE)) and window.stalled
     window.receive(published(1, mine=1))
     assert window.overdue(False) == [] and not window.stalled  # it goes on
     for m in range(FREE_WINDOW, FREE_WINDOW + 5):

@@ -20,13 +20,9 @@ def step(episode: int, index: int, program: Program = P, truncated: bool = False
     """An observation whose arm's first velocity tells where it came from, and its verdict."""
     stamp = 1000 * episode + index
     velocity = np.full(6, 100.0 * episode + index)
-    program_id = f"{episode}.{program}"
-    objects = np.full((2, 16), index, np.float32)
-    observation = Observation(
-        episode, index, stamp, objects, np.zeros(6), velocity, 0, program_id, POSE
-    )
-    verdict = Verdict(float(index), False, 0.0, truncated)
-    return observation, verdict, program
+    seen = np.full((2, 16), index, np.float32), np.zeros(6), velocity, 0
+    observation = Observation(episode, index, stamp, *seen, f"{episode}.{program}", POSE)
+    return observation, Verdict(float(index), False, 0.0, truncated), program
 
 
 def action(episode: int, index: int) -> np.ndarray:
@@ -105,9 +101,7 @@ def test_no_transition_joins_what_did_not_follow(events) -> None:
         expected = 100.0 * trajectory.episode + np.arange(steps.start, steps.stop + 1)
         np.testing.assert_array_equal(trajectory.arm[:, -1], expected)
         np.testing.assert_allclose(trajectory.actions[:, 0], expected[:-1] / 1e4, rtol=1e-6)
-        np.testing.assert_array_equal(
-            trajectory.rewards, np.arange(1, len(steps) + 1) + steps.start
-        )
+        np.testing.assert_array_equal(trajectory.rewards, np.array(steps) + 1)
         for at in steps:
             key = (trajectory.episode, at, trajectory.program)
             assert key in true and key not in taken
