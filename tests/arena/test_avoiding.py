@@ -7,13 +7,7 @@ from math import hypot
 import pytest
 
 from pa_ros.agents import load_agent
-from pa_ros.arena import (
-    ReachTask,
-    conditions_for,
-    design_named,
-    preset_named,
-    scripted_action,
-)
+from pa_ros.arena import ReachTask, conditions_for, design_named, preset_named, scripted_action
 from pa_ros.arena.avoiding import AVOID_WITHIN_M
 from pa_ros.arena.episodes import Block
 from pa_ros.arena.simulation import HAND_INDEX
@@ -33,9 +27,7 @@ def named(program: Program, blocks: Sequence[Block]) -> list[Block]:
     [("avoid", And, True), ("avoid-target", And, False), ("avoid-set", And, True),
      ("avoid-train", And, False), ("avoid-or", Or, None), ("avoid-not", Not, None)],
 )  # fmt: skip
-def test_what_is_to_be_avoided_is_near_the_target(
-    condition: str, kind: type, held_out: bool | None
-) -> None:
+def test_what_is_to_be_avoided_is_near_the_target(condition, kind, held_out) -> None:
     task = ReachTask(preset_named("fast"), DESIGN, seed=2)
     for index in range(10):
         task.reset(index, condition)

@@ -16,9 +16,7 @@ def task() -> ReachTask:
 
 
 @pytest.mark.parametrize("length", [2, 4, 8])
-def test_a_chain_names_held_out_blocks_and_never_one_twice_in_a_row(
-    task: ReachTask, length: int
-) -> None:
+def test_a_chain_names_held_out_blocks_and_never_one_twice_in_a_row(task: ReachTask, length: int):
     for index in range(5):
         task.reset(index, f"chain-{length}")
         goal, kinds = task.goal, [block.kind for block in task.episode.blocks]

@@ -5,13 +5,7 @@ from typing import Any
 
 import pytest
 
-from pa_ros.arena import (
-    DESIGNS,
-    ArenaConfig,
-    Design,
-    Kind,
-    design_named,
-)
+from pa_ros.arena import DESIGNS, ArenaConfig, Design, Kind, design_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import Vocabulary
 

@@ -35,13 +35,11 @@ def test_poses_are_in_the_frame_of_the_hand(task: ReachTask) -> None:
             frame = Rotation.from_quat(hand.xquat, scalar_first=True)
             for i, row in enumerate(observation.objects[1:]):
                 body = simulated.body(f"block{i}")
-                np.testing.assert_allclose(
-                    row[:3], frame.inv().apply(body.xpos - hand.xpos), atol=1e-6
-                )
+                place = frame.inv().apply(body.xpos - hand.xpos)
+                np.testing.assert_allclose(row[:3], place, atol=1e-6)
                 relative = frame.inv() * Rotation.from_quat(body.xquat, scalar_first=True)
-                np.testing.assert_allclose(
-                    Rotation.from_quat(row[3:7]).as_matrix(), relative.as_matrix(), atol=1e-6
-                )
+                turn = Rotation.from_quat(row[3:7])
+                np.testing.assert_allclose(turn.as_matrix(), relative.as_matrix(), atol=1e-6)
                 assert row[6] >= 0
                 assert np.linalg.norm(row[3:7]) == pytest.approx(1, abs=1e-6)
             pose, turned = observation.hand_pose, Rotation.from_quat(observation.hand_pose[3:])

@@ -93,9 +93,8 @@ def test_training_programs_move_training_blocks_to_places_and_reach() -> None:
         design = design_named(name)
         programs = training_programs(design)
         assert len(programs) == count
-        assert {draw(name, "train", i).program for i in range(150)} == {
-            program for program in programs if not program.moves_hand
-        }
+        pushing = {program for program in programs if not program.moves_hand}
+        assert {draw(name, "train", i).program for i in range(150)} == pushing
         held_out = {kind.conjunction for kind in design.held_out}
         assert not any(text in str(program) for text in held_out for program in programs)
 
@@ -145,9 +144,7 @@ def test_places_are_seen_but_not_touched_and_can_be_moved() -> None:
 @pytest.mark.parametrize(
     ("name", "condition", "least"), [("push-2", "eval", 0.9), ("push-2", "pairs", 0.7)]
 )
-def test_the_script_pushes_and_random_actions_do_not(
-    name: str, condition: str, least: float
-) -> None:
+def test_the_script_pushes_and_random_actions_do_not(name: str, condition: str, least: float):
     """`pa_ros eval --reference scripted --design push-2` has figures over many episodes."""
     task, random = ReachTask(CONFIG, design_named(name), seed=5), random_policy(0)
     scores = {}
@@ -173,9 +170,8 @@ def test_the_controller_knows_the_arm_and_moves_its_hand(arm: str) -> None:
         place, _, jacobian = controller.hand(simulation.joint_position)
         np.testing.assert_allclose(place, simulation.positions[0], atol=1e-9)
         np.testing.assert_allclose(jacobian[:3], simulation.hand_jacobian(), atol=1e-9)
-        command = task.world.joint_action(
-            action.astype(np.float32) * 0.5, simulation.joint_position
-        )
+        half = action.astype(np.float32) * 0.5
+        command = task.world.joint_action(half, simulation.joint_position)
         assert command.shape == (config.joints,) and np.abs(command).max() <= 1.0
         for _ in range(2):
             task.step(command * np.array(config.joint_speed_limits))
@@ -220,9 +216,7 @@ def test_the_preset_is_the_designs_own_unless_another_is_chosen() -> None:
         lambda: ReachTask(preset_named("fast"), PUSH_2, seed=0),
     ],
 )
-def test_a_preset_that_does_not_fit_is_rejected_with_those_that_fit(
-    make: Callable[[], object],
-) -> None:
+def test_a_preset_that_does_not_fit_is_rejected_with_those_that_fit(make: Callable[[], object]):
     fitting = r"\['paper', 'push', 'push-joints', 'push-slow'\]"
     with pytest.raises(ConfigError, match=f"preset: expected one of {fitting} for push-2.*'fast'"):
         make()

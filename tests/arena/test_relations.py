@@ -47,9 +47,8 @@ def test_a_single_relation_uses_no_random_number() -> None:
 
 def test_conditions_of_one_relation_use_only_that_relation() -> None:
     two = TWO_L.with_relations("NEAR", "IN_FRONT_OF")
-    assert {"train-near", "train-in-front-of", "eval-near", "eval-in-front-of"} <= set(
-        conditions_for(two)
-    )
+    of_one = {"train-near", "train-in-front-of", "eval-near", "eval-in-front-of"}
+    assert of_one <= set(conditions_for(two))
     assert not any("near" in name for name in conditions_for(TWO_L))
     task = ReachTask(FAST, two, seed=0)
     for index in range(6):
@@ -61,9 +60,8 @@ def test_held_out_combinations_are_drawn_in_their_own_condition_alone() -> None:
     held_out = ("ABOVE", TWO_L.train[0]), ("LEFT_OF", TWO_L.train[1])
     design = replace(SIX, held_out_combinations=held_out)
     texts = {f"{relation}(HAND, {kind.conjunction})" for relation, kind in held_out}
-    assert {str(p) for p in training_programs(SIX)} - texts == set(
-        map(str, training_programs(design))
-    )
+    trained = set(map(str, training_programs(design)))
+    assert {str(p) for p in training_programs(SIX)} - texts == trained
     task = ReachTask(FAST, design, seed=0)
 
     def drawn(condition: str) -> set[str]:
@@ -106,12 +104,11 @@ def test_a_combination_must_be_one_of_the_design(wrong: tuple[str, Kind]) -> Non
 
 
 def test_an_arena_can_set_the_thresholds() -> None:
-    strict = ReachTask(
-        FAST.changed(thresholds=(0.1, 0.2)), TWO_L.with_relations("NEAR", "ABOVE"), 0
-    )
+    two = TWO_L.with_relations("NEAR", "ABOVE")
+    strict = ReachTask(FAST.changed(thresholds=(0.1, 0.2)), two, 0)
     assert strict.scoring.thresholds == {"NEAR": 0.1, "ABOVE": 0.2}
     with pytest.raises(ConfigError, match="thresholds: expected none, or one for each of"):
-        ReachTask(FAST.changed(thresholds=(0.1,)), TWO_L.with_relations("NEAR", "ABOVE"), 0)
+        ReachTask(FAST.changed(thresholds=(0.1,)), two, 0)
 
 
 @pytest.mark.parametrize("relation", [*RELATIONS])

@@ -21,9 +21,8 @@ def test_the_simulated_block_the_feature_and_the_word_agree(task: ReachTask) -> 
         observation, _ = task.reset(index, condition)
         true = task.world.truth(observation.objects)[1:]
         for i, block in enumerate(task.episode.blocks):
-            np.testing.assert_allclose(
-                task.simulation.model.geom(f"block{i}").size[0], block.edge_m / 2
-            )
+            geom = task.simulation.model.geom(f"block{i}")
+            np.testing.assert_allclose(geom.size[0], block.edge_m / 2)
             assert observation.objects[i + 1, -1] == pytest.approx(block.edge_m - 0.06, abs=1e-6)
             words = {DESIGN.vocabulary.words[k] for k in np.flatnonzero(true[i])}
             assert words == block.kind.words
