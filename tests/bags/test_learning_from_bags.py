@@ -314,10 +314,8 @@ def test_weights_that_were_not_recorded_at_first_are_proved_by_the_first_that_we
 
 
 def test_transitions_alone_can_be_learned_from_but_not_verified(recorded, tmp_path, capsys):
-    copy = rewritten(
-        recorded / "bag", tmp_path / "copy",
-        lambda topic, message: [message] if topic == "/trajectories" else [],
-    )  # fmt: skip
+    alone = lambda topic, message: [message] if topic == "/trajectories" else []  # noqa: E731
+    copy = rewritten(recorded / "bag", tmp_path / "copy", alone)
     assert main(["verify", str(copy)]) == 2
     assert "it is not known how this run was made" in capsys.readouterr().err
     assert learn(tmp_path / "out", copy, "--network.hidden=16") == 0

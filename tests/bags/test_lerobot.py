@@ -91,11 +91,7 @@ def test_films_have_a_picture_for_each_frame(dataset):
 def test_episodes_are_cut_where_steps_or_actions_are_missing(changing, stepped, tmp_path, capsys):
     assert main(["bag", "export", str(changing), "--lerobot", str(tmp_path / "changing")]) == 2
     assert "expected steps with actions, got none" in capsys.readouterr().err
-    cut = rewritten(
-        stepped,
-        tmp_path / "cut",
-        lambda topic, m: [] if topic == "/object_features" and lost(m) else [m],
-    )
+    cut = rewritten(stepped, tmp_path / "cut", without_a_step)
     assert main(["bag", "export", str(cut), "--lerobot", str(tmp_path / "set")]) == 1
     assert "cut, because steps or actions are missing: [7]" in capsys.readouterr().out
     assert described(tmp_path / "set")["total_episodes"] == 3
@@ -106,5 +102,6 @@ def test_episodes_are_cut_where_steps_or_actions_are_missing(changing, stepped, 
     assert "already exists: name another folder" in capsys.readouterr().err
 
 
-def lost(message) -> bool:
-    return message.step == 4 and not message.evaluation
+def without_a_step(topic, message):
+    lost = topic == "/object_features" and message.step == 4 and not message.evaluation
+    return [] if lost else [message]

@@ -4,6 +4,7 @@ import errno
 import os
 import shlex
 import shutil
+from unittest.mock import Mock
 
 import pytest
 from hypothesis import given, settings
@@ -18,6 +19,10 @@ from pa_ros.bags.reader import Bag
 from pa_ros.bags.repair import repair
 from pa_ros.bags.storage import McapStorage
 from pa_ros.cli.main import main
+
+
+def failing(number: int) -> Mock:
+    return Mock(side_effect=OSError(number, os.strerror(number)))
 
 
 def test_a_killed_recording_is_named_and_repaired(tmp_path, capsys):
@@ -85,11 +90,7 @@ def test_messages_before_a_damaged_place_are_kept(whole, tmp_path, capsys):
 
 def test_a_repair_without_space_for_a_copy_changes_nothing(whole, tmp_path, monkeypatch):
     (tmp_path / "bag.mcap").write_bytes(whole[1][:-30])
-
-    def full(*_):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr("pa_ros.bags.repair.os.fsync", full)
+    monkeypatch.setattr("pa_ros.bags.repair.os.fsync", failing(errno.ENOSPC))
     with pytest.raises(BagFullError, match="needs space for a copy"):
         repair(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["bag.mcap"]
@@ -117,12 +118,8 @@ def test_a_full_disk_closes_the_bag_with_everything_it_received(tmp_path, monkey
 
 def test_a_disk_that_takes_nothing_more_leaves_a_bag_to_repair(tmp_path, monkeypatch):
     bag = written(tmp_path / "bag", 3, close=False)
-
-    def full(*_):
-        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG))
-
     with monkeypatch.context() as patch:
-        patch.setattr("pa_ros.bags.storage.os.write", full)
+        patch.setattr("pa_ros.bags.storage.os.write", failing(errno.EFBIG))
         bag.write("/program", payload(3), START + 10**10)
         with pytest.raises(BagFullError, match="`pa_ros record --repair"):
             bag.flush()
@@ -132,12 +129,8 @@ def test_a_disk_that_takes_nothing_more_leaves_a_bag_to_repair(tmp_path, monkeyp
 
 def test_a_flush_that_fails_gives_the_bag_up_and_closes_its_file(tmp_path, monkeypatch):
     bag = written(tmp_path / "bag", 3, close=False)
-
-    def full(*_):
-        raise OSError(errno.EIO, os.strerror(errno.EIO))
-
     with monkeypatch.context() as patch:
-        patch.setattr(McapStorage, "flush", full)
+        patch.setattr(McapStorage, "flush", failing(errno.EIO))
         bag.write("/program", payload(3), START + 10**10)
         with pytest.raises(BagFullError, match="`pa_ros record --repair"):
             bag.flush()
