@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -53,68 +54,57 @@ def test_where_the_laboratory_is_absent_its_commands_say_how_to_get_it(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["eval", "--policy", "scripted", "--episodes", "0"], "got 0"),
-        (["eval", "--policy", "scripted", "--condition", "sideways"], "sideways"),
-        (["eval", "--checkpoint", "nowhere/at/all"], "nowhere/at/all"),
-        (["train", "--out", "unused", "--frames", "ten"], "--frames: expected an integer of at"),
+        ("eval --policy scripted --episodes 0", "got 0"),
+        ("eval --policy scripted --condition sideways", "sideways"),
+        ("eval --checkpoint nowhere/at/all", "nowhere/at/all"),
+        ("train --out unused --frames ten", "--frames: expected an integer of at"),
+        ("train --out unused --network x", "network.family: expected one of ['programmable', "),
         (
-            ["train", "--out", "unused", "--network", "x"],
-            "network.family: expected one of ['programmable', ",
-        ),
-        (
-            ["train", "--out", "unused", "--learner.updates.discount=abc"],
+            "train --out unused --learner.updates.discount=abc",
             "learner.updates.discount: expected a number in [0, 1), got abc",
         ),
-        (["record", "unused", "--repair", "--split-s", "1"], "expected it alone, got split_s, too"),
-        (["send", "RED", "--timeout", "0"], "--timeout: expected a positive number, got 0"),
-        (["experiment", "programmable-2L", "--seeds", "0"], "--seeds: expected an integer"),
+        ("record unused --repair --split-s 1", "expected it alone, got split_s, too"),
+        ("send RED --timeout 0", "--timeout: expected a positive number, got 0"),
+        ("experiment programmable-2L --seeds 0", "--seeds: expected an integer"),
         (
-            ["train", "--out", "unused", "--learner.updates.discont=1"],
+            "train --out unused --learner.updates.discont=1",
             "--learner.updates.discont; did you mean '--learner.updates.discount'?",
         ),
-        (["experiment", "nope"], "algorithms, got 'nope' ("),
+        ("experiment nope", "algorithms, got 'nope' ("),
+        ("experiment programable-2L", "got 'programable-2L'; did you mean 'programmable-2L'?"),
+        ("train --design 3D --out unused", "got 3D; did you mean '3-D'?"),
+        ("eval --condition evl --policy random", "got 'evl'; did you mean 'eval'?"),
+        ("experiment generalization", "first run `pa_ros experiment programmable-3D`"),
+        ("experiment detectors --of sizes", "first run `pa_ros experiment sizes`"),
         (
-            ["experiment", "programable-2L"],
-            "got 'programable-2L'; did you mean 'programmable-2L'?",
-        ),
-        (["train", "--design", "3D", "--out", "unused"], "got 3D; did you mean '3-D'?"),
-        (["eval", "--condition", "evl", "--policy", "random"], "got 'evl'; did you mean 'eval'?"),
-        (["experiment", "generalization"], "first run `pa_ros experiment programmable-3D`"),
-        (["experiment", "detectors", "--of", "sizes"], "first run `pa_ros experiment sizes`"),
-        (
-            ["experiment", "programmable-2L", "--logic", "product"],
+            "experiment programmable-2L --logic product",
             "--logic: expected a study (generalization, detectors, equalities)",
         ),
-        (["train", "--out", "unused", "--namespace", "/a"], "--namespace: needs --from-bag"),
+        ("train --out unused --namespace /a", "--namespace: needs --from-bag"),
+        ("eval --checkpoint shipped:2-L --relations NEAR", "--relations: needs --policy"),
+        ("send --wait", "--wait: needs a program"),
+        ("send --scene last", "--scene: expected next or the number of an episode, got 'last'"),
+        ("send RED --namespace 'not a name'", "namespace"),
+        ("launch --params absent.yaml", "absent.yaml"),
+        ("eval --policy scripted --condition all", "all: needs --checkpoint"),
+        ("record --repair x --split-s 9", "expected it alone, got split_s"),
+        ("launch --out /dev/null/x", "expected a folder at /dev/null, got a file"),
+        ("ship unused 3-D", "expected a new one, got '3-D', which exists (--replace)"),
         (
-            ["eval", "--checkpoint", "shipped:2-L", "--relations", "NEAR"],
-            "--relations: needs --policy",
-        ),
-        (["send", "--wait"], "--wait: needs a program"),
-        (
-            ["send", "--scene", "last"],
-            "--scene: expected next or the number of an episode, got 'last'",
-        ),
-        (["send", "RED", "--namespace", "not a name"], "namespace"),
-        (["launch", "--params", "absent.yaml"], "absent.yaml"),
-        (["eval", "--policy", "scripted", "--condition", "all"], "all: needs --checkpoint"),
-        (["record", "--repair", "x", "--split-s", "9"], "expected it alone, got split_s"),
-        (["launch", "--out", "/dev/null/x"], "expected a folder at /dev/null, got a file"),
-        (["ship", "unused", "3-D"], "expected a new one, got '3-D', which exists (--replace)"),
-        (
-            ["experiment", "programmable-2L", "--tag", "../x", "--learner.detectors.gain=2"],
+            "experiment programmable-2L --tag ../x --learner.detectors.gain=2",
             "tag: expected letters, digits, '-' and '_', also with dots between, got '../x'",
         ),
-        (["eval", "--policy", "scripted", "--logic", "product"], "--logic: needs --checkpoint"),
+        ("eval --policy scripted --logic product", "--logic: needs --checkpoint"),
     ],
 )
 def test_bad_input_is_refused_with_status_2_and_what_came(
     arguments, said, capsys, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    assert main(arguments) == 2
+    command, *options = shlex.split(arguments)
+    assert main([command, *options]) == 2
     error = capsys.readouterr().err
-    assert error.startswith(f"pa_ros {arguments[0]}: ") and said in error
+    assert error.startswith(f"pa_ros {command}: ") and said in error
     assert error.count("\n") == 1
     assert not list(tmp_path.iterdir()), "a refused command leaves nothing"
 

@@ -61,6 +61,7 @@ def test_comparisons_are_executed_without_training(tmp_path, capsys):
     ("--policy scripted --design 3-D --judge agent", "--judge: needs --checkpoint"),
     ("--policy scripted --design 3-D --pictures hard", "--pictures: needs --checkpoint"),
     ("--checkpoint shipped:3-D --pictures hard", "--pictures: needs an agent that sees"),
+    ("--checkpoint shipped:camera --condition all --pictures dim", "pictures: needs one condition"),
     ("--policy scripted --design 3-D --condition finite", "needs a design that avoids"),
     ("--checkpoint shipped:2-L --condition all --judge agent", "--judge: needs one condition"),
     ("--checkpoint shipped:avoid --condition finite --layouts own", "another condition"),

@@ -1,4 +1,4 @@
-"""Options that follow from settings."""
+"""Options that follow from settings, and the choice of relations."""
 
 import argparse
 from pathlib import Path
@@ -7,10 +7,12 @@ from typing import Literal
 import pytest
 from pydantic import Field
 
+from pa_ros.arena.config import ArenaChoice
 from pa_ros.cli.main import main
 from pa_ros.cli.options import add_setting, add_settings, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.settings import Settings
+from pa_ros.world.relation import RELATIONS
 
 
 class Some(Settings):
@@ -57,9 +59,7 @@ def test_help_tells_meaning_choices_and_default(parser: argparse.ArgumentParser)
         (["--kind", "c"], "--kind: expected one of ['a', 'b'], got c"),
     ],
 )
-def test_a_refusal_names_the_option(
-    parser: argparse.ArgumentParser, given: list[str], message: str
-) -> None:
+def test_a_refusal_names_the_option(parser, given, message) -> None:
     with pytest.raises(ConfigError) as refusal:
         parser.parse_args(["--out", "x", *given])
     assert str(refusal.value) == message
@@ -97,3 +97,34 @@ def test_a_ros_domain_without_ports_is_one_line(monkeypatch, capsys, number):
     monkeypatch.setenv("ROS_DOMAIN_ID", number)
     assert main(["send", "NEAR(HAND, RED)"]) == 2
     assert f"ROS_DOMAIN_ID: expected 0 to 232, got '{number}'" in capsys.readouterr().err
+
+
+def test_a_choice_of_relations_is_the_designs() -> None:
+    chosen = ArenaChoice(relations=("ABOVE", "NEAR")).design_of()
+    assert chosen.vocabulary.relations == ("ABOVE", "NEAR")
+    assert ArenaChoice().design_of().vocabulary.relations == ("NEAR",)
+
+
+def test_an_unknown_relation_is_refused_with_the_known_ones(tmp_path, capsys) -> None:
+    with pytest.raises(ConfigError, match=r"relations: expected some of \[.*'NEAR'.*\], got"):
+        ArenaChoice(relations=("NEAR", "BELOW"))
+    assert main(["train", "--relations", "NEAR", "BELOW", "--out", str(tmp_path / "run")]) == 2
+    refusal = capsys.readouterr().err
+    assert "BELOW" in refusal and all(repr(name) in refusal for name in RELATIONS)
+
+
+def test_the_program_command_knows_what_the_agent_of_a_launch_knows(capsys) -> None:
+    check = ["program", "check"]
+    assert main([*check, "LEFT_OF(HAND,RED)", "--relations", "NEAR", "LEFT_OF"]) == 0
+    assert capsys.readouterr().out == "LEFT_OF(HAND, RED)\n"
+    for text, said in (("LEFT_OF(HAND, RED)", "expected NEAR,"), ("NEAR(HAND, YELLOW)", "A, B,")):
+        assert main([*check, text]) == 2
+        assert said in capsys.readouterr().err
+    assert main([*check, "NEAR(HAND, A)"]) == 0
+    assert main([*check, "NEAR(HAND, A)", "--design", "2-L"]) == 2
+
+
+def test_a_script_is_scored_on_a_relation(capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--policy", "scripted", "--relations", "ABOVE", "--condition", "train"]
+    assert main(["eval", *options, "--episodes", "2"]) == 0
+    assert "ABOVE(HAND, AND(" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""What commands write: to nowhere, to a link, numbers that JSON lacks."""
+"""What commands write: to nowhere, to a link, numbers that JSON lacks, and text of strangers."""
 
 import json
 import subprocess
@@ -7,8 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from helpers.recordings import written
+from pa_ros import Result
+from pa_ros.cli.main import main
+from pa_ros.cli.send import print_answers, result_text
 from pa_ros.core.files import write_whole
 from pa_ros.core.text import write_report
+from pa_ros.tools.send import Answers
+from pa_ros.wire.program import ProgramStatus
 
 COMMAND = (sys.executable, "-m", "pa_ros")
 CHECK = ("program", "check", "NEAR(HAND, RED)")
@@ -46,3 +52,31 @@ def test_numbers_that_json_lacks_are_text(tmp_path: Path) -> None:
 def test_an_option_cut_short_is_refused_and_not_dropped() -> None:
     ended = run("", *CHECK, "--exten", "nosuch.py")
     assert ended.returncode == 2 and "--exten" in ended.stderr
+
+
+CLEAR = "\x1b[2J"  # clears a terminal
+
+
+def test_what_a_bag_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    written(tmp_path / "bag", 1, close=False).close({"pa_ros.repaired": f"by {CLEAR} me"})
+    assert main(["bag", "info", str(tmp_path / "bag")]) == 0
+    shown = capsys.readouterr().out
+    assert r"by \x1b[2J me" in shown and CLEAR not in shown
+    assert len(shown.splitlines()) > 1
+
+
+def test_what_nodes_answer(capsys: pytest.CaptureFixture[str]):
+    kind = CLEAR + "kind"
+    print_answers(
+        Answers(
+            {
+                "a": ProgramStatus("1", "a", True, canonical=kind),
+                kind: ProgramStatus("1", kind, False, code=kind, reason=f"RED\n ^~~{CLEAR}"),
+            }
+        )
+    )
+    print(result_text(Result("NEAR(HAND, RED)", False, 0.1, None, kind, kind)))
+    said = capsys.readouterr()
+    assert CLEAR not in said.out + said.err
+    assert said.out.splitlines()[0] == r"a: accepted \x1b[2Jkind"
+    assert said.err.splitlines()[1:] == ["RED", r" ^~~\x1b[2J"]
