@@ -141,20 +141,23 @@ def test_an_agents_logic_follows_from_its_provenance(parameters, logic):
     assert agent_logic(parameters) == logic
 
 
-def test_the_newest_weights_of_a_learner_are_shown_and_the_first_of_another() -> None:
+def weights_of(agent: str, **parameters: str) -> tuple[AgentWeights, dict[str, Any]]:
+    """The weights of an agent that described itself, and what hears its topics, by name."""
     callbacks: dict[str, Any] = {}
-    node = Mock()
-    node.create_subscription = lambda _, name, callback, *rest, **more: callbacks.update(
-        {name.rpartition("/")[2]: callback}
-    )
-    weights = AgentWeights(node, "", Refusals(print))
-    parameters = {"weights": "topic", "checkpoint": ""}
-    origin = Origin("/agent_node", "a", "1", "{}", 0, parameters)
-    callbacks[PROVENANCE.name](encode_provenance(origin))
+    node, namespace = Mock(), agent.rpartition("/")[0]
+    node.create_subscription = lambda _, name, heard, *__, **___: callbacks.update({name: heard})
+    weights = AgentWeights(node, namespace.strip("/"), Refusals(print))
+    origin = Origin(agent, "a", "1", "{}", 0, {"weights": "topic", "checkpoint": "", **parameters})
+    callbacks[f"{namespace}/{PROVENANCE.name}"](encode_provenance(origin))
     weights.refresh()
+    return weights, callbacks
+
+
+def test_the_newest_weights_of_a_learner_are_shown_and_the_first_of_another() -> None:
+    weights, callbacks = weights_of("/agent_node")
 
     def receive(policy: PublishedPolicy) -> Any:
-        callbacks[POLICY_WEIGHTS.name](encode_weights(policy))
+        callbacks[f"/{POLICY_WEIGHTS.name}"](encode_weights(policy))
         return weights.insight
 
     newest = receive(published(3000))
@@ -166,16 +169,7 @@ def test_the_newest_weights_of_a_learner_are_shown_and_the_first_of_another() ->
 
 
 def test_the_weights_of_a_fleets_agent_come_from_its_learners_namespace() -> None:
-    callbacks: dict[str, Any] = {}
-    node = Mock()
-    node.create_subscription = lambda _, name, callback, *rest, **more: callbacks.update(
-        {name: callback}
-    )
-    weights = AgentWeights(node, "arena1", Refusals(print))
-    parameters = {"weights": "topic", "checkpoint": "", "learner": "/"}
-    origin = Origin("/arena1/agent_node", "a", "1", "{}", 0, parameters)
-    callbacks[f"/arena1/{PROVENANCE.name}"](encode_provenance(origin))
-    weights.refresh()
+    weights, callbacks = weights_of("/arena1/agent_node", learner="/")
     callbacks[f"/{POLICY_WEIGHTS.name}"](encode_weights(published(3)))
     assert weights.insight is not None
 

@@ -1,14 +1,23 @@
-"""The page is served on this machine only, and wrong settings are named."""
+"""The page is served on this machine only; its scene frees what it no longer shows."""
 
+import gc
 import socket
+import weakref
 
+import numpy as np
 import pytest
 
 pytest.importorskip("viser", reason="the extra `console` is not installed")
-
+from pa_ros.arena import ReachTask, design_named, preset_named
+from pa_ros.bags.film import RecordedScene
 from pa_ros.cli.main import main
+from pa_ros.console import scene
+from pa_ros.console.moment import Moment
+from pa_ros.console.scene import ArenaScene, label_heights
 from pa_ros.console.server import ConsoleError, ConsoleServer
 from pa_ros.console.settings import ConsoleSettings
+from pa_ros.core.experience import Step
+from pa_ros.provenance import describe
 
 
 def test_a_port_in_use_is_rejected():
@@ -36,3 +45,48 @@ def test_each_start_has_a_new_token(capsys):
 def test_a_wrong_namespace_is_rejected(capsys):
     assert main(["console", "--namespace", "a b"]) == 2
     assert "expected a namespace such as lab/arm_1" in capsys.readouterr().err
+
+
+ARENA, DESIGN = preset_named("fast"), design_named("3-D")
+
+
+@pytest.fixture
+def no_collector():
+    """Reference cycles are not freed in this test."""
+    gc.disable()
+    yield
+    gc.enable()
+
+
+def moments(count: int):
+    """The beginnings of episodes, each with other blocks."""
+    task, about = ReachTask(ARENA, DESIGN, 2), describe(ARENA, DESIGN, 2, (), "arena")
+    for episode in range(count):
+        observation, _ = task.reset(episode)
+        yield Moment(about, Step(observation))
+
+
+def test_old_scenes_are_freed_at_once(no_collector, monkeypatch):
+    """A page that is open while an arena learns shows another scene every second."""
+    made: list[weakref.ref] = []
+
+    class Remembered(RecordedScene):
+        def __init__(self, *given):
+            super().__init__(*given)
+            made.extend((weakref.ref(self), weakref.ref(self.task.simulation)))
+
+    monkeypatch.setattr(scene, "RecordedScene", Remembered)
+    with ConsoleServer(ConsoleSettings(port=0)) as server:
+        shown = ArenaScene(server.viser)
+        for moment in moments(8):
+            shown.show(moment)
+        assert len(made) == 16 and [ref() is None for ref in made] == [True] * 14 + [False] * 2
+
+
+def test_labels_of_close_blocks_have_different_heights_the_far_one_the_greater():
+    """Else the label of the near block would be in front of that of the far one."""
+    places = [np.array(place) for place in ((0, 0, 0), (0.2, -0.2, 0), (0.4, -0.4, 0), (1, 1, 0))]
+    far, middle, near, alone = label_heights(places)
+    assert middle > near == far == alone
+    far, near = label_heights(places[:2])
+    assert far > near
