@@ -1,4 +1,4 @@
-"""Links of the docs lead somewhere, and code blocks about scoring run as they are written."""
+"""Links of the docs lead somewhere, and code blocks run as they are written."""
 
 import re
 from pathlib import Path
@@ -6,14 +6,14 @@ from pathlib import Path
 import pytest
 
 from pa_ros.arena import conditions_for, design_named
+from pa_ros.language.errors import SUMMARIES
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = [*DOCS.parent.glob("*.md"), *DOCS.glob("*.md")]
 
 
-def block_of(page: str) -> str:
-    (block,) = re.findall(r"```python\n(.*?)```", (DOCS / page).read_text(), re.DOTALL)
-    return str(block)
+def blocks_of(page: str) -> list[str]:
+    return re.findall(r"```python\n(.*?)```", (DOCS / page).read_text(), re.DOTALL)
 
 
 def named_block(page: str, name: str) -> str:
@@ -43,6 +43,23 @@ def test_links_lead_to_files_and_headings(page: Path):
         assert not heading or heading in headings(target), link
 
 
+@pytest.mark.parametrize("block", blocks_of("arena.md"))
+def test_the_examples_of_the_page_on_the_arena_run(block: str) -> None:
+    exec(block, {})
+
+
+def test_programs_mean_what_the_page_on_the_language_says(capsys) -> None:
+    (block,) = blocks_of("language.md")
+    exec(block, {})
+    shown = capsys.readouterr().out.splitlines()
+    assert [line.rpartition(" ")[2] for line in shown] == ["False", "False", "True"]
+
+
+def test_the_page_on_the_language_lists_every_code() -> None:
+    text = (DOCS / "language.md").read_text()
+    assert set(re.findall(r"^\| `(program\.\w+)` \|", text, re.MULTILINE)) == set(SUMMARIES)
+
+
 def test_an_arena_is_stepped_and_explained_as_the_page_shows(capsys):
     exec(named_block("starting.md", "process"), {})
     assert capsys.readouterr().out.startswith("True 0.")
@@ -63,7 +80,7 @@ def test_training_in_python_works_as_the_pages_show(tmp_path, monkeypatch, capsy
 def test_baselines_trains_and_scores_another_librarys_agent(capsys) -> None:
     pytest.importorskip("stable_baselines3")
     sizes = "FRAMES, EPISODES, SEED = 10_000, 20, 0"
-    block = block_of("evaluation.md")
+    (block,) = blocks_of("evaluation.md")
     assert sizes in block
     exec(block.replace(sizes, "FRAMES, EPISODES, SEED = 110, 1, 0"), {})
     lines = capsys.readouterr().out.splitlines()

@@ -126,9 +126,7 @@ def test_the_two_sets_of_a_program(text: str, moved: list[int], target: list[int
         ("NEAR(RED, AND(RED, BLUE))", "names_nothing", (10, 24)),
     ],
 )
-def test_programs_that_cannot_hold_are_rejected(
-    text: str, code: str, caret: tuple[int, int]
-) -> None:
+def test_programs_that_cannot_hold_are_rejected(text: str, code: str, caret: tuple[int, int]):
     with pytest.raises(ProgramError) as caught:
         require_target(parse(text, MOVING), SCENE, 0, MOVING.bodiless)
     assert (caught.value.code, tuple(caught.value.span)) == (f"program.{code}", caret)

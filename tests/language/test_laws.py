@@ -6,17 +6,7 @@ from hypothesis import strategies as st
 
 from helpers import programs
 from helpers.programs import VOCABULARY
-from pa_ros.language import (
-    MIN_MAX,
-    And,
-    Expression,
-    Not,
-    Or,
-    Program,
-    Word,
-    parse,
-    relevance,
-)
+from pa_ros.language import MIN_MAX, And, Expression, Not, Or, Program, Word, parse, relevance
 from pa_ros.language.parser import MAX_DEPTH, MAX_LENGTH, MAX_NODES
 from pa_ros.language.syntax import walk
 
@@ -52,9 +42,7 @@ def test_white_space_is_ignored(target: Expression, data: st.DataObject) -> None
 
 
 @given(expressions, expressions, soft)
-def test_de_morgan_and_double_negation(
-    x: Expression, y: Expression, phi: list[list[float]]
-) -> None:
+def test_de_morgan_and_double_negation(x: Expression, y: Expression, phi: list[list[float]]):
     either = degrees(Or((x, y)), phi)
     neither_fails = degrees(Not(And((Not(x), Not(y)))), phi)
     assert either == pytest.approx(neither_fails, abs=1e-12)
@@ -64,9 +52,7 @@ def test_de_morgan_and_double_negation(
 
 
 @given(expressions, expressions, expressions, soft)
-def test_min_and_max_make_a_lattice(
-    x: Expression, y: Expression, z: Expression, phi: list[list[float]]
-) -> None:
+def test_min_and_max_make_a_lattice(x, y, z, phi) -> None:
     """Idempotence, absorption, distribution and De Morgan, to rounding of 1 - (1 - x)."""
     equal: list[tuple[Expression, Expression]] = [
         (x, And((x, x))),
@@ -87,9 +73,7 @@ def test_min_and_max_make_a_lattice(
 
 
 @given(st.lists(expressions, min_size=3, max_size=5), soft)
-def test_many_operands_equal_pairs_from_the_left(
-    operands: list[Expression], phi: list[list[float]]
-) -> None:
+def test_many_operands_equal_pairs_from_the_left(operands, phi) -> None:
     for operator in (And, Or):
         pairs = operands[0]
         for operand in operands[1:]:

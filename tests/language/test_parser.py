@@ -13,6 +13,7 @@ from pa_ros.language.syntax import Span, walk
 WORDS = Vocabulary.of(shape=("CUBE", "SPHERE"), color=("RED", "BLUE"))
 MOVING = WORDS.moving("SPHERE")
 SEVERAL = WORDS.asking("NEAR", "ABOVE", "LEFT_OF")
+KNOWN = "NEAR, ABOVE, LEFT_OF, THEN, ALL or AVOID, received"
 REJECTION_S = 0.25  # generous for a busy machine
 
 
@@ -122,28 +123,16 @@ def test_a_program_has_the_relation_that_its_text_names() -> None:
 @pytest.mark.parametrize(
     ("text", "code", "position", "shown"),
     [
-        (
-            "BELOW(HAND, RED)",
-            "unknown_word",
-            0,
-            "NEAR, ABOVE, LEFT_OF, THEN, ALL or AVOID, received",
-        ),
+        ("BELOW(HAND, RED)", "unknown_word", 0, KNOWN),
         ("ABOV(HAND, RED)", "unknown_word", 0, "did you mean ABOVE?"),
         ("above(HAND, RED)", "wrong_case", 0, "expected ABOVE, received 'above'"),
-        (
-            "RED(HAND, RED)",
-            "syntax",
-            0,
-            "expected NEAR, ABOVE, LEFT_OF, THEN, ALL or AVOID, received",
-        ),
+        ("RED(HAND, RED)", "syntax", 0, f"expected {KNOWN}"),
         ("ABOVE(HAND, NEAR)", "syntax", 12, "(NEAR is not a property)"),
         ("ABOVE(HAND, RED, BLUE)", "arity", 0, "expected 2 arguments for ABOVE, received 3"),
         (" ", "empty", 0, "such as NEAR(HAND, CUBE)"),
     ],
 )
-def test_a_wrong_relation_is_rejected_with_the_known_ones(
-    text: str, code: str, position: int, shown: str
-) -> None:
+def test_a_wrong_relation_is_rejected_with_the_known_ones(text, code, position, shown) -> None:
     error = rejection(text, SEVERAL)
     assert (error.code, error.position) == (f"program.{code}", position)
     assert shown in str(error)
@@ -156,9 +145,7 @@ def test_a_wrong_relation_is_rejected_with_the_known_ones(
         (parse("NEAR(HAND, AND(RED, CUBE))", WORDS), "'CUBE'", 20),
     ],
 )
-def test_a_program_of_another_vocabulary_does_not_compile(
-    program: Program, received: str, position: int
-) -> None:
+def test_a_program_of_another_vocabulary_does_not_compile(program, received, position) -> None:
     with pytest.raises(ProgramError) as caught:
         compile_program(program, Vocabulary.of(shape=("SPHERE",), color=("RED",)))
     assert (caught.value.code, caught.value.received) == ("program.unknown_word", received)
@@ -180,9 +167,7 @@ def test_a_vocabulary_rejects_words_that_no_text_can_name(word: str) -> None:
         (("above",), "upper-case ASCII word, got 'above'"),
     ],
 )
-def test_a_vocabulary_rejects_relations_that_no_text_can_name(
-    relations: tuple[str, ...], why: str
-) -> None:
+def test_a_vocabulary_rejects_relations_that_no_text_can_name(relations: tuple[str, ...], why: str):
     with pytest.raises(ConfigError, match=why):
         WORDS.asking(*relations)
 
@@ -198,9 +183,7 @@ def test_a_vocabulary_rejects_relations_that_no_text_can_name(
         ("NEAR(REDD, BLUE)", "unknown_word", 5, "did you mean RED?"),
     ],
 )
-def test_either_argument_may_be_any_set_where_objects_can_be_moved(
-    text: str, code: str, position: int, message: str
-) -> None:
+def test_either_argument_may_be_any_set_where_objects_can_be_moved(text, code, position, message):
     error = rejection(text, MOVING)
     assert (error.code, error.position) == (f"program.{code}", position)
     assert message in error.message
