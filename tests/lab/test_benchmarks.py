@@ -92,9 +92,7 @@ def test_peers_are_compared_at_equal_frames_and_in_equal_time() -> None:
     assert found["peers.ours.in_time.frames"] == 15_000
 
 
-def test_finished_runs_are_not_repeated_and_a_missing_library_is_an_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_finished_runs_are_not_repeated_and_a_missing_library_is_an_error(tmp_path, monkeypatch):
     options = Namespace(runs=tmp_path, seeds=2, frames=15_000, contenders=[OURS])
     for seed in range(2):
         rows = [replace(score(OURS, 15_000, 20.0, 1.0), seed=seed)]
@@ -107,9 +105,7 @@ def test_finished_runs_are_not_repeated_and_a_missing_library_is_an_error(
 
 
 @pytest.mark.parametrize("method", baselines.METHODS)
-def test_every_baseline_learns_from_relabeled_batches_and_is_scored(
-    method: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_baseline_learns_from_relabeled_batches_and_is_scored(method, tmp_path, monkeypatch):
     monkeypatch.setattr(baselines, "WARMUP_FRAMES", 150)
     options = Namespace(
         design="2-L", preset="fast", seeds=1, first_seed=3, frames=200, episodes=1, rates=2.0,

@@ -23,7 +23,7 @@ from pa_ros.agents import TrainedAgent
 from pa_ros.arena import design_named, world_of
 from pa_ros.arena.drawn_programs import novel
 from pa_ros.core.errors import ConfigError
-from pa_ros.language import MIN_MAX, PRODUCT, Logic, parse
+from pa_ros.language import MIN_MAX, PRODUCT, parse
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.parameters import initial_actor
 
@@ -58,9 +58,7 @@ def test_right_detectors_are_judged_right(novice: TrainedAgent, tmp_path):
 
 
 @pytest.mark.parametrize("logic", [MIN_MAX, PRODUCT], ids=lambda logic: logic.name)
-def test_a_new_property_is_judged_by_the_logic_that_the_agent_acts_by(
-    novice: TrainedAgent, logic: Logic
-):
+def test_a_new_property_is_judged_by_the_logic_that_the_agent_acts_by(novice, logic):
     agent = replace(novice, logic=logic)
     design, group = agent.design, "color"
     look = next(DetectorView(agent).looks(UNSEEN, 1))

@@ -42,10 +42,7 @@ SMALL = replace(
     options=LEARNS,
 )
 FORGETTING = replace(
-    SMALL,
-    design="3-D",
-    switch_frames=300,
-    options={**EXPERIMENTS["forgetting"].options, **LEARNS},
+    SMALL, design="3-D", switch_frames=300, options={**EXPERIMENTS["forgetting"].options, **LEARNS}
 )
 
 
@@ -120,9 +117,7 @@ def unbroken(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return folders
 
 
-def test_a_table_says_on_what_machine_each_seed_was_trained(
-    tmp_path, unbroken, monkeypatch
-) -> None:
+def test_a_table_says_on_what_machine_each_seed_was_trained(tmp_path, unbroken, monkeypatch):
     monkeypatch.setattr("laboratory.studies.seeds.final_scores", lambda *_: (0.95, 0.97))
     shutil.copytree(unbroken["2-L"], tmp_path / "seed-0")
     shutil.copytree(unbroken["2-L"], tmp_path / "seed-2")
@@ -148,10 +143,7 @@ def test_a_run_of_another_setting_is_rejected(tmp_path, unbroken) -> None:
         (replace(SMALL, options={**LEARNS, "learner.detectors.gain": 5}), "gain: .*3.0, here 5.0"),
         (replace(SMALL, recipe="paper"), "discount: checkpoint 0.95, here 0.99"),
         (replace(SMALL, algorithm="td3"), "algorithm: checkpoint 'dpg', here 'td3'"),
-        (
-            replace(SMALL, network="canonical"),
-            "family: .*'programmable', here 'canonical'",
-        ),
+        (replace(SMALL, network="canonical"), "family: .*'programmable', here 'canonical'"),
         (replace(SMALL, design="3-D"), "design: expected '3-D', got '2-L'"),
         (replace(SMALL, preset="paper"), "preset: expected 'paper', got 'fast'"),
         (replace(SMALL, frames=500, evaluate_every_frames=100), "500 frames, got 600"),
@@ -176,9 +168,7 @@ def test_the_command_rejects_a_run_of_another_setting(tmp_path, capsys, monkeypa
     assert not (tmp_path / "runs/experiments/results").exists()
 
 
-def test_a_killed_training_process_is_an_error_that_says_how_to_continue(
-    tmp_path, monkeypatch
-) -> None:
+def test_a_killed_training_process_is_an_error_that_says_how_to_continue(tmp_path, monkeypatch):
     def killed(*_: object) -> None:
         raise BrokenProcessPool
 

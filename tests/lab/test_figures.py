@@ -13,12 +13,7 @@ from matplotlib.figure import Figure
 from laboratory.studies import generalization_figures, learning_figures
 from laboratory.studies.experiments import EXPERIMENTS, summarize, write_table
 from laboratory.studies.generalization import ConditionRow
-from laboratory.studies.learning_figures import (
-    is_curves,
-    learning_figure,
-    short,
-    variants_figure,
-)
+from laboratory.studies.learning_figures import is_curves, learning_figure, short, variants_figure
 from laboratory.studies.tables import EvaluationError
 from laboratory.studies.variants import Variant
 from pa_ros.agents import load_agent
@@ -85,9 +80,7 @@ def test_lines_show_the_means_of_the_references(tmp_path, drawn) -> None:
     np.testing.assert_allclose(heights, [[0.7, 0.7], [0.3, 0.3]])
 
 
-def test_each_condition_has_its_best_and_its_worst_scene(
-    tmp_path, monkeypatch, drawn, novice
-) -> None:
+def test_each_condition_has_its_best_and_its_worst_scene(tmp_path, monkeypatch, drawn, novice):
     monkeypatch.setattr(generalization_figures, "top_view", lambda *_: np.zeros((2, 2)))
     generalization_figures.detector_figure(tmp_path / "a.png", novice, 1, "")
     titles = [axes.get_ylabel().partition("\n")[0] for axes in drawn[0].axes[::2]]

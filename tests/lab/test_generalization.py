@@ -8,13 +8,7 @@ import numpy as np
 import pytest
 
 from laboratory.studies import results, scorer
-from laboratory.studies.generalization import (
-    ConditionRow,
-    Summary,
-    generalize,
-    setting,
-    summarize,
-)
+from laboratory.studies.generalization import ConditionRow, Summary, generalize, setting, summarize
 from laboratory.studies.scorer import Benchmark, Scorer
 from laboratory.studies.tables import read_rows
 from pa_ros.agents import TrainedAgent, without_training
