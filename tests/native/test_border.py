@@ -113,9 +113,7 @@ def test_batches_that_do_not_fit(change: dict[str, object], message: str) -> Non
         ([(0, 0, 0)] * 1025, "length of a program: expected 1 … 1024, got 1025"),
     ],
 )
-def test_programs_with_registers_out_of_range(
-    rows: list[tuple[int, int, int]], message: str
-) -> None:
+def test_programs_with_registers_out_of_range(rows: list[tuple[int, int, int]], message: str):
     with pytest.raises(FusedError, match=message):
         engine().set_programs(**program(*rows))
     with pytest.raises(FusedError, match=message):

@@ -56,10 +56,8 @@ def both(
     config, programs = network(hidden), programs or table()
     given = config, dpg(CONFIG, **changes), programs  # type: ignore[arg-type]
     reference = dpg(CONFIG, engine__name="torch", engine__dtype="float64")
-    return (
-        fused_engine(*given, *tensors(config)),
-        TorchDPG(config, reference, programs, *tensors(config)),
-    )
+    ours = fused_engine(*given, *tensors(config))
+    return ours, TorchDPG(config, reference, programs, *tensors(config))
 
 
 def batch_of(rng: np.random.Generator, size: int, programs: int) -> Batch:

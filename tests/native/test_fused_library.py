@@ -73,8 +73,7 @@ def test_narrower_instruction_sets_agree(name: str) -> None:
     files = [str(folder / f"test_fused{kind}.py") for kind in ("", "_canonical")]
     selection = ("-k", f"{chosen} or canonical and gradients")
     result = run_at(
-        name,
-        *("-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *files, *selection),
+        name, *("-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *files, *selection)
     )
     assert result.returncode == 0, result.stdout[-3000:]
 

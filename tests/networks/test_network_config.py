@@ -1,6 +1,7 @@
 """Descriptions of networks: refused values, canonical text, and what the text distinguishes."""
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,22 +45,20 @@ def test_an_older_description_has_the_value_at_which_the_critic_starts(bias, unr
 def test_architecture_tells_actors_apart_and_nothing_else() -> None:
     config = NetworkConfig(world=WORLD)
     other_words = Vocabulary.of(shape=("SPHERE", "CUBE", "C"), color=("BLUE", "A"))
-    same = [
-        config.changed(family="distilled-critic"),
-        config.changed(critic_starts_unrewarded=True),
+    for same in ({"family": "distilled-critic"}, {"critic_starts_unrewarded": True}):
+        assert config.changed(**same).architecture == config.architecture
+    others: list[dict[str, Any]] = [
+        {"hidden": 151},
+        {"attention": 65},
+        {"upper_layers": 1},
+        {"position_scale": 1.0},
+        {"family": "canonical"},
+        {"family": "true-properties"},
+        {"world": World(PAPER, WORDS, joints=7)},
+        {"world": World(PAPER, other_words, joints=6)},
     ]
-    other = [
-        config.changed(hidden=151),
-        config.changed(attention=65),
-        config.changed(upper_layers=1),
-        config.changed(position_scale=1.0),
-        config.changed(family="canonical"),
-        config.changed(family="true-properties"),
-        config.changed(world=World(PAPER, WORDS, joints=7)),
-        config.changed(world=World(PAPER, other_words, joints=6)),
-    ]
-    assert {c.architecture for c in same} == {config.architecture}
-    assert len({c.architecture for c in [config, *other]}) == 1 + len(other)
+    told = {config.architecture, *(config.changed(**other).architecture for other in others)}
+    assert len(told) == 1 + len(others)
 
 
 @pytest.mark.parametrize("text", ["", "[1]", '{"shapes":["CUBE"],"colors":["RED"]}'])

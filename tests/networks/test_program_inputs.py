@@ -1,26 +1,29 @@
-"""Relations as an input of r: batches that mix them, and worlds that know one alone."""
+"""What programs are to r: relations, one or several in a batch, and roles (what is moved receives
+messages, its target sends them)."""
 
 import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
+from helpers import formulas
 from pa_ros.arena import PRESETS, design_named, world_of
-from pa_ros.language import parse
+from pa_ros.language import Vocabulary, parse
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import family_of
 from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor, initial_critic
 from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
 from pa_ros.world.programs import ProgramTable
 from pa_ros.world.relation import RELATIONS
+from pa_ros.world.schema import PUSHING
+from pa_ros.world.world import World
 
 THREE = ("NEAR", "ABOVE", "LEFT_OF")
-TEXTS = (
-    "ABOVE(HAND, RED)",
-    "NEAR(HAND, RED)",
-    "LEFT_OF(HAND, AND(BLUE, CUBE))",
-    "ABOVE(HAND, CUBE)",
-)
+RELATED = ("ABOVE(HAND, RED)", "NEAR(HAND, RED)", "LEFT_OF(HAND, AND(BLUE, CUBE))",
+           "ABOVE(HAND, CUBE)")  # fmt: skip
+WORDS = Vocabulary.of(shape=("CUBE", "SPHERE", "PLACE"), color=("RED", "BLUE"))
+MOVES = ("NEAR(HAND, RED)", "NEAR(AND(RED, CUBE), AND(BLUE, PLACE))",
+         "NEAR(OR(RED, SPHERE), NOT(CUBE))", "NEAR(SPHERE, HAND)")  # fmt: skip
 
 
 def network(*relations: str) -> NetworkConfig:
@@ -28,15 +31,21 @@ def network(*relations: str) -> NetworkConfig:
     return NetworkConfig(world=world, hidden=12, attention=5)
 
 
-def programs(config: NetworkConfig, rows: list[list[int]]) -> Programs:
-    """Rows [B, K] of a table of TEXTS."""
+def moving(vocabulary: Vocabulary, family: str = "programmable") -> NetworkConfig:
+    world = World(PUSHING, vocabulary, joints=6)
+    config = NetworkConfig(world=world, family=family, hidden=12, attention=5)
+    return config.changed(self_weight=0.03, upper_layers=1)
+
+
+def programs(
+    config: NetworkConfig, rows: list[list[int]], texts: tuple[str, ...] = RELATED
+) -> Programs:
+    """Rows [B, K] of a table of some texts."""
     table = ProgramTable(config.vocabulary)
-    for text in TEXTS:
+    for text in texts:
         table.add(parse(text, config.vocabulary))
-    codes = [
-        torch.from_numpy(code).long()[torch.tensor(rows)] for code in family_of(config).codes(table)
-    ]
-    made: Programs = family_of(config).programs(*codes)
+    codes = [torch.from_numpy(code).long() for code in family_of(config).codes(table)]
+    made: Programs = family_of(config).programs(*(code[torch.tensor(rows)] for code in codes))
     return made
 
 
@@ -73,11 +82,8 @@ def test_a_relation_is_another_bias_of_r() -> None:
     weights["message.0.bias"] = weights["message.0.bias"] + share
     plain.load_state_dict(weights)
     asked = mixed(objects, arm, programs(config, [[0]] * 5))
-    table = ProgramTable(one.vocabulary)
-    table.add(parse(TEXTS[0], one.vocabulary))
-    codes = [torch.from_numpy(code).long()[torch.zeros(5, 1, dtype=torch.int64)]
-             for code in family_of(one).codes(table)]  # fmt: skip
-    torch.testing.assert_close(asked, plain(objects, arm, family_of(one).programs(*codes)))
+    expected = plain(objects, arm, programs(one, [[0]] * 5, RELATED[:1]))
+    torch.testing.assert_close(asked, expected)
 
 
 def test_only_relations_that_are_asked_for_learn() -> None:
@@ -105,9 +111,30 @@ def test_one_relation_alone_is_no_input() -> None:
 def test_initial_weights_of_what_they_share_are_drawn_first(relations: tuple[str, ...]) -> None:
     """So that a seed says the same of detectors and layers whatever relations there are."""
     several = initial_actor(network(*relations), np.random.default_rng(0))
-    alone = initial_actor(
-        network("ABOVE"), np.random.default_rng(0)
-    )  # with the hand's pose as well
+    alone = initial_actor(network("ABOVE"), np.random.default_rng(0))  # also with the hand's pose
     names = list(several)
     for name in names[: names.index("relation.weight")]:
         np.testing.assert_array_equal(several[name], alone[name])
+
+
+@pytest.mark.parametrize("family", ["programmable", "true-properties"])
+def test_a_batch_of_programs_that_move_is_what_the_formulas_say(family: str) -> None:
+    config = moving(WORDS.moving("PLACE"), family)
+    rng = np.random.default_rng(0)
+    tensors = {k: v * 3 for k, v in initial_actor(config, rng).items()}
+    actor = ProgrammableActor(config).double()
+    actor.load_state_dict({name: torch.from_numpy(value) for name, value in tensors.items()})
+    kinds = [(s, c) for s in ("CUBE", "PLACE") for c in ("RED", "BLUE")]
+    looks = [PUSHING.features({"shape": s, "color": c}) for s, c in kinds]
+    objects = torch.tensor(np.stack([np.zeros_like(looks[0]), *looks])[None].repeat(3, 0)).double()
+    objects[..., :7] = torch.randn(3, 5, 7)
+    arm, rows = torch.randn(3, config.world.arm_features).double(), [[0, 1], [2, 3], [1, 1]]
+    got = actor(objects, arm, programs(config, rows, MOVES), 0)
+    parsed = [parse(text, config.vocabulary) for text in MOVES]
+    seen = formulas.Scenes(objects, arm, parsed, torch.tensor(rows))
+    torch.testing.assert_close(got, formulas.actor(config, formulas.parameters(tensors), seen))
+
+
+def test_roles_add_no_tensors() -> None:
+    hand, moves = moving(WORDS), moving(WORDS.moving("PLACE"))
+    assert actor_shapes(hand).keys() == actor_shapes(moves).keys()
