@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from helpers.graph import learned_over_the_graph
+from helpers.learners import small
 from pa_ros.arena import ReachTask, design_named, preset_named, training_programs, world_of
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.learning.checkpoints import read_metadata
@@ -17,11 +18,7 @@ from pa_ros.tools.launch_params import Parameters
 
 pytestmark = pytest.mark.graph
 SEED, EPISODES = 11, 3
-OPTIONS: dict[str, Any] = {
-    "learner.replay.warmup_frames": 20,
-    "learner.replay.batch_size": 16,
-    "network.hidden": 32,
-}
+OPTIONS = small(20, 16, 32)
 
 
 def parameters(**changes: dict[str, Any]) -> dict[str, dict[str, Any]]:
@@ -76,9 +73,6 @@ def test_a_resumed_graph_learns_the_same_bits_as_the_loop(tmp_path):
     over_the_graph(tmp_path / "first", EPISODES, parameters(learner_node=out))
     reached = read_metadata(tmp_path / "run" / "checkpoint")
     episodes = reached["counters"]["episodes"]
-    given = parameters(
-        sim_node={"first_episode": episodes},
-        learner_node={**out, "resume": True},
-    )
+    given = parameters(sim_node={"first_episode": episodes}, learner_node={**out, "resume": True})
     there = over_the_graph(tmp_path / "second", episodes + 2, given)
     assert_same_as_the_loop(there, tmp_path / "loop")

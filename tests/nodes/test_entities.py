@@ -63,16 +63,12 @@ def test_a_restart_keeps_or_removes_added_blocks(session: Session, entities: Ent
     assert "mine" not in names(entities)
 
 
-def test_a_step_after_a_move_is_no_consequence_of_a_command(
-    session: Session, entities: Entities
-) -> None:
+def test_a_step_after_a_move_is_no_consequence_of_a_command(session: Session, entities: Entities):
     entities.put("red_cube", entities.named("red_cube").body)
     assert session.disturbed
 
 
-def test_a_block_thrown_off_the_table_hinders_no_other(
-    session: Session, entities: Entities
-) -> None:
+def test_a_block_thrown_off_the_table_hinders_no_other(session: Session, entities: Entities):
     spawn(entities, "thrown", -0.5, -0.5)
     at = np.array([-0.5, -0.5, 0.0])
     entities.put("thrown", Body(at, FLAT, np.array([-3.0, 0.0, 1.0]), np.zeros(3)))

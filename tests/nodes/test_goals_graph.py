@@ -55,9 +55,7 @@ def test_a_goal_is_reached(client: GoalSender) -> None:
     assert 0 < result.time_to_reach_s < 500 and result.final_distance < 0.2
 
 
-def test_the_programs_of_a_goal_over_time_are_reached_one_after_the_other(
-    probe: Probe, client: GoalSender
-) -> None:
+def test_the_programs_of_a_goal_over_time_are_reached_one_after_the_other(probe, client) -> None:
     text = f"THEN(NEAR(HAND, AND(GREEN, CUBE)), {REACHABLE}, NEAR(HAND, AND(GREEN, CUBE)))"
     status, result = client.result(client.send(text, time_limit_s=1000.0))
     assert (status, result.success, result.code) == (SUCCEEDED, True, "")
@@ -75,9 +73,7 @@ def test_what_is_to_be_avoided_is_refused_by_weights_that_cannot(client: GoalSen
     assert (status, result.code) == (ABORTED, "program.avoids")
 
 
-def test_feedback_shows_relevance_and_cancelling_holds_the_arm(
-    probe: Probe, client: GoalSender
-) -> None:
+def test_feedback_shows_relevance_and_cancelling_holds_the_arm(probe: Probe, client: GoalSender):
     handle = client.send("NEAR(HAND, AND(GREEN, CUBE))", hold_s=1e9)
     assert probe.until(lambda: any(f.relevance for f in client.feedback))
     seen = next(f for f in client.feedback if f.relevance)

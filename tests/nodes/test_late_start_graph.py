@@ -1,27 +1,30 @@
-"""Nodes that start late: programs sent before an agent was there, an arena that waits."""
+"""Nodes that start late or one by one: earlier programs, an arena that waits, parameter files."""
+
+import re
+import shutil
+import sys
+from pathlib import Path
 
 import pytest
 
 from agent_node.node import AgentNode
 from helpers.graph import graph
-from helpers.waiting import DEADLINE_S
+from helpers.processes import running
+from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.ros import topics
 from pa_ros.tools.send import ProgramSender
 from pa_ros.wire.program import ProgramRequest, decode_program_status, encode_program
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
+ANY = "OR(AND(RED, CUBE), AND(RED, SPHERE), AND(BLUE, CUBE), AND(BLUE, SPHERE))"
 
 
 def test_a_late_agent_accepts_the_first_steps_program_although_another_replaced_it() -> None:
     """Else the agent waits for it for ever, and a lockstep arena for the agent."""
     with graph(SimNode, agent_node__weights="random") as probe:
-        text = (
-            "NEAR(HAND, OR(AND(RED, CUBE), AND(RED, SPHERE), AND(BLUE, CUBE), AND(BLUE, SPHERE)))"
-        )
-        request = ProgramRequest("user/1", text)
-        speaker = probe.speaker(topics.PROGRAM)
-        speaker.publish(encode_program(request))
+        request = ProgramRequest("user/1", f"NEAR(HAND, {ANY})")
+        probe.speaker(topics.PROGRAM).publish(encode_program(request))
         assert probe.until(lambda: probe.count(topics.PROGRAM_STATUS) > 0)
         assert decode_program_status(probe.last(topics.PROGRAM_STATUS)).accepted
         probe.nodes.append(AgentNode())
@@ -77,3 +80,24 @@ def test_nodes_receive_a_program_that_was_sent_before_they_started() -> None:
                 node.executor.remove_node(node)
                 node.destroy_node()
         assert set(answers.statuses) == {"/sim_node", "/agent_node"} and not answers.refused
+
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_three_nodes_started_as_the_docs_show_learn_and_save(tmp_path: Path) -> None:
+    """Each with `learn.yaml` of its `config` folder, as in docs/graph.md."""
+    commands = []
+    for name in ("sim_node", "agent_node", "learner_node"):
+        file = f"{name}/config/learn.yaml"
+        (tmp_path / file).parent.mkdir(parents=True)
+        shutil.copy(ROOT / file, tmp_path / file)
+        program = str(Path(sys.executable).with_name(name))
+        commands.append([program, "--ros-args", "--params-file", file])
+    learning = re.compile(r"\]: learning$", re.MULTILINE)
+    with running(tmp_path, *commands, cwd=tmp_path) as (sim, agent, learner):
+        wait_for(lambda: learning.search(learner.read_text()), "a learner that learns")
+        wait_for(lambda: "acting" in agent.read_text(), "an agent that acts")
+    assert "design 2-L" in sim.read_text()
+    assert "checkpoint: version " in learner.read_text()
+    assert (tmp_path / "runs/learn/checkpoint/LATEST").exists()

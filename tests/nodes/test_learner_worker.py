@@ -8,7 +8,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from helpers.learners import ARENA, trajectory
+from helpers.learners import ARENA, small, trajectory
 from helpers.waiting import wait_for
 from learner_node.config import LearnerNodeConfig
 from learner_node.worker import LearnerWorker, Sinks
@@ -20,10 +20,7 @@ from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.world import Trajectory
 
-OPTIONS = {"learner.replay.warmup_frames": 0, "learner.replay.batch_size": 4, "network.hidden": 8,
-           "network.attention": 4}  # fmt: skip
-
-
+OPTIONS = small(0, 4, 8, attention=4)
 A = AgentKey("a", 0)
 
 
@@ -34,9 +31,8 @@ class Bench:
         self.published: list[PublishedPolicy] = []
         self.refused: list[PaError] = []
         self.told: list[str] = []  # for the log
-        sinks = Sinks(
-            self.published.append, lambda _, error: self.refused.append(error), self.told.append
-        )
+        refuse = lambda _, error: self.refused.append(error)  # noqa: E731
+        sinks = Sinks(self.published.append, refuse, self.told.append)
         self.worker = LearnerWorker(LearnerNodeConfig(**OPTIONS | config), ARENA, sinks)
         self.worker.start()
 
@@ -150,11 +146,8 @@ def test_nobody_who_uses_an_agents_name_bars_it(tmp_path: Path):
 
 
 def test_a_trajectory_that_cannot_be_used_is_refused_and_accounted_for(bench):
-    bad = replace(
-        trajectory(0),
-        program=parse("NEAR(HAND, PINK)", Vocabulary.of(shape=("CUBE",), color=("PINK",))),
-    )
-    answer = bench.submit(bad)
+    unknown = parse("NEAR(HAND, PINK)", Vocabulary.of(shape=("CUBE",), color=("PINK",)))
+    answer = bench.submit(replace(trajectory(0), program=unknown))
     assert [error.code for error in bench.refused] == ["program.unknown_word"]
     assert bench.worker.metrics["rejected_trajectories"] == 1
     assert (answer.snapshot.version, answer.accounted) == (0, {A: 1})
@@ -193,9 +186,8 @@ def test_a_folder_in_use_by_another_run_is_rejected(tmp_path: Path):
 def test_a_checkpoint_that_cannot_be_written_is_reported_until_one_is(tmp_path: Path, monkeypatch):
     bench = Bench(out=str(tmp_path), checkpoint_every_frames=10)
     with monkeypatch.context() as patch:
-        patch.setattr(
-            "pa_ros.learning.checkpoint_files.os.rename", Mock(side_effect=OSError("No space left"))
-        )
+        full = Mock(side_effect=OSError("No space left"))
+        patch.setattr("pa_ros.learning.checkpoint_files.os.rename", full)
         bench.submit(trajectory(0), trajectory(1))
         wait_for(lambda: len(bench.refused) == 2)
         assert "not saved" in bench.worker.trouble and "No space left" in bench.worker.trouble

@@ -22,10 +22,8 @@ def test_velocity_ramps_down_when_commands_stop_and_another_arm_starts_at_rest(
     output = ControllerOutput(node)
 
     def bind(joints: str) -> None:
-        limits = (1.5,) * len(joints)
-        arena: Any = SimpleNamespace(
-            speed_limits=limits, control_period=0.1, joint_names=tuple(joints)
-        )
+        arena: Any = SimpleNamespace(control_period=0.1, joint_names=tuple(joints))
+        arena.speed_limits = (1.5,) * len(joints)
         output.bind(arena)
 
     def send(joints: int) -> None:

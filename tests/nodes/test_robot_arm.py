@@ -51,12 +51,8 @@ def test_a_pose_is_found_along_both_branches_of_the_tree(camera, hand, tag):
     found = tree.pose("hand", "tag")
     assert found.pose == pytest.approx(in_hand(hand, in_base(camera, tag)), abs=1e-9)
     assert (found.stamp_ns, found.arrived_s) == (5, 1.0)  # of the older of the two
-    assert tree.pose("camera", "tag").pose == pytest.approx(
-        tag * np.sign(tag[6]) ** _TURN, abs=1e-9
-    )
-
-
-_TURN = np.array([0, 0, 0, 1, 1, 1, 1])
+    sign = np.array([1.0] * 3 + [np.sign(tag[6])] * 4)  # of its quaternion
+    assert tree.pose("camera", "tag").pose == pytest.approx(tag * sign, abs=1e-9)
 
 
 def test_frames_that_nothing_joins_are_named():
@@ -214,9 +210,8 @@ def test_the_shipped_agent_reaches_what_a_program_names(text):
 
 def test_the_shipped_agent_reaches_what_a_camera_finds_by_tags():
     pytest.importorskip("cv2", reason="needs the extra `camera`")
-    simulated, tracker = load(
-        [str(EXAMPLES / name) for name in ("simulated_arm.py", "tag_tracker.py")]
-    )
+    files = (EXAMPLES / name for name in ("simulated_arm.py", "tag_tracker.py"))
+    simulated, tracker = load([*map(str, files)])
     arm, plant = RealArm(load_robot(EXAMPLES / "robot.yaml")), simulated.SimulatedArm(3, tags=True)
     camera, detector = Camera(plant.model, simulated.VIEW, *simulated.SIZE), tracker.finder()
     matrix = intrinsics(plant.model, simulated.VIEW, *simulated.SIZE)

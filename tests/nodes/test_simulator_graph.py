@@ -26,12 +26,7 @@ from pa_ros.arena.rearranging import bodies
 from pa_ros.ros import topics
 from pa_ros.ros.actions import SIMULATE_STEPS
 from pa_ros.wire.fields import header_stamp, read_stamp
-from pa_ros.wire.simulator import (
-    ALREADY_IN_TARGET_STATE,
-    INVALID_POSE,
-    ResultCode,
-    SpawnCode,
-)
+from pa_ros.wire.simulator import ALREADY_IN_TARGET_STATE, INVALID_POSE, ResultCode, SpawnCode
 from sim_node.node import SimNode
 
 pytestmark = pytest.mark.graph
@@ -39,6 +34,9 @@ ARENA = SCENE | {"sim_node__program_source": "topic"}
 OK, FAILED = ResultCode.OK, ResultCode.OPERATION_FAILED
 UNSUPPORTED = ResultCode.FEATURE_UNSUPPORTED
 STOPPED, PLAYING, PAUSED = 0, 1, 2
+CUBE = {"entity": "red_cube"}
+MINE = {"name": "mine", "uri": "block:red_cube"}
+NO_TURN = {"initial_pose__pose__orientation__w": 0.0}
 
 
 @pytest.fixture(scope="module")
@@ -132,15 +130,13 @@ def test_an_agent_follows_its_target_while_a_person_moves_removes_and_adds_it():
         assert probe.until(near)
         for spot in ([-0.4, -0.1, 0.0], [0.1, 0.5, 0.0]):
             moved = {"state__pose__position__x": spot[0], "state__pose__position__y": spot[1]}
-            fields = {"entity": "red_cube", **moved}
-            assert code(probe, topics.SET_ENTITY_STATE, **fields) == OK
+            assert code(probe, topics.SET_ENTITY_STATE, **CUBE, **moved) == OK
             assert probe.until(partial(arrived, spot))
-        assert code(probe, topics.DELETE_ENTITY, entity="red_cube") == OK
+        assert code(probe, topics.DELETE_ENTITY, **CUBE) == OK
         assert probe.until(lambda: probe.last(topics.OBJECT_FEATURES).distance == float("inf"))
         assert probe.last(topics.OBJECT_FEATURES).object_count == 4 and not near()
-        spawn = {"name": "mine", "uri": "block:red_cube"}
         at = {"initial_pose__pose__position__x": -0.4, "initial_pose__pose__position__y": -0.3}
-        assert ask(probe, topics.SPAWN_ENTITY, **spawn, **at).entity_name == "mine"
+        assert ask(probe, topics.SPAWN_ENTITY, **MINE, **at).entity_name == "mine"
         assert probe.until(lambda: near() and reached([-0.4, -0.3]))
         assert probe.last(topics.OBJECT_FEATURES).program_id == "mine"
 
@@ -290,46 +286,14 @@ def test_entities_are_found_by_name_category_tags_and_bounds(probe):
         (topics.DELETE_ENTITY, {"entity": "cup"}, ResultCode.NOT_FOUND),
         (topics.DELETE_ENTITY, {"entity": "hand"}, FAILED),
         (topics.SET_ENTITY_STATE, {"entity": "hand"}, FAILED),
-        (
-            topics.SET_ENTITY_STATE,
-            {"entity": "red_cube", "state__pose__position__x": 5.0},
-            INVALID_POSE,
-        ),
-        (
-            topics.SET_ENTITY_STATE,
-            {"entity": "red_cube", "state__twist__linear__x": float("nan")},
-            INVALID_POSE,
-        ),
-        (
-            topics.SET_ENTITY_STATE,
-            {"entity": "red_cube", "state__header__frame_id": "moon"},
-            FAILED,
-        ),
+        (topics.SET_ENTITY_STATE, CUBE | {"state__pose__position__x": 5.0}, INVALID_POSE),
+        (topics.SET_ENTITY_STATE, CUBE | {"state__twist__linear__x": np.nan}, INVALID_POSE),
+        (topics.SET_ENTITY_STATE, CUBE | {"state__header__frame_id": "moon"}, FAILED),
         (topics.SPAWN_ENTITY, {"name": "mine"}, SpawnCode.NO_RESOURCE),
-        (
-            topics.SPAWN_ENTITY,
-            {"name": "mine", "uri": "file:///cup.sdf"},
-            SpawnCode.UNSUPPORTED_FORMAT,
-        ),
-        (
-            topics.SPAWN_ENTITY,
-            {"name": "red_cube", "uri": "block:red_cube"},
-            SpawnCode.NAME_NOT_UNIQUE,
-        ),
-        (
-            topics.SPAWN_ENTITY,
-            {"name": "my block", "uri": "block:red_cube"},
-            SpawnCode.NAME_INVALID,
-        ),
-        (
-            topics.SPAWN_ENTITY,
-            {
-                "name": "mine",
-                "uri": "block:red_cube",
-                "initial_pose__pose__orientation__w": 0.0,
-            },
-            SpawnCode.INVALID_POSE,
-        ),
+        (topics.SPAWN_ENTITY, MINE | {"uri": "file:///cup.sdf"}, SpawnCode.UNSUPPORTED_FORMAT),
+        (topics.SPAWN_ENTITY, MINE | {"name": "red_cube"}, SpawnCode.NAME_NOT_UNIQUE),
+        (topics.SPAWN_ENTITY, MINE | {"name": "my block"}, SpawnCode.NAME_INVALID),
+        (topics.SPAWN_ENTITY, MINE | NO_TURN, SpawnCode.INVALID_POSE),
     ],
 )
 def test_wrong_requests_are_answered_with_the_standards_code(probe, service, fields, expected):

@@ -49,9 +49,7 @@ def speed(frame: Step) -> float:
     return float(np.abs(frame.observation.joint_velocity).max())
 
 
-def test_a_command_is_repeated_for_its_time_and_then_the_arm_holds_still(
-    session: Session, watchdog: Watchdog
-) -> None:
+def test_a_command_is_repeated_for_its_time_and_then_the_arm_holds_still(session, watchdog) -> None:
     watchdog.offer(command(session))
     assert all(speed(tick(watchdog, session)) > 0.5 for _ in range(4))  # ages 0, 1, 2 and 3
     assert watchdog.holds == 0
@@ -60,9 +58,7 @@ def test_a_command_is_repeated_for_its_time_and_then_the_arm_holds_still(
     assert speed(last) < 0.05 and watchdog.holds == 3
 
 
-def test_only_the_step_that_a_command_answers_counts_as_executed(
-    session: Session, watchdog: Watchdog
-) -> None:
+def test_only_the_step_that_a_command_answers_counts_as_executed(session, watchdog) -> None:
     """What a held-over command leads to is nobody's choice at that step."""
     watchdog.offer(command(session))
     assert [bool(tick(watchdog, session).executed) for _ in range(3)] == [True, False, False]
@@ -94,9 +90,7 @@ def test_a_command_does_not_reach_into_the_next_episode(eval_every: int) -> None
     assert speed(tick(watchdog, session)) < 0.05
 
 
-def test_commands_that_are_old_out_of_order_or_for_another_episode_are_rejected(
-    session: Session, watchdog: Watchdog
-) -> None:
+def test_commands_that_are_old_out_of_order_or_for_another_episode_are_rejected(session, watchdog):
     for _ in range(5):
         tick(watchdog, session)
     watchdog.offer(command(session, age=3))
