@@ -1,10 +1,12 @@
-"""The demonstration: its programs and scenes, what it leaves, and how it ends."""
+"""The demonstration and films: their programs and scenes, what they leave, and how they end."""
 
 import re
+from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from PIL import Image, ImageSequence
 
 from helpers.processes import processes_of
 from pa_ros.agents import load_agent
@@ -63,10 +65,7 @@ def test_without_a_fitting_design_or_scene_there_is_an_error():
 
 
 @graph
-@pytest.mark.parametrize(
-    ("name", "kinds"),
-    [("3-D", ()), ("push", PUSHED)],
-)
+@pytest.mark.parametrize(("name", "kinds"), [("3-D", ()), ("push", PUSHED)])
 def test_a_shipped_agent_executes_programs_and_is_recorded(name, kinds, tmp_path, capfd):
     design = load_agent(f"shipped:{name}").design
     assert execute(tmp_path, design, f"shipped:{name}", 1_000_000, speed=5.0, kinds=kinds)
@@ -92,3 +91,20 @@ def test_without_enough_time_it_says_so_and_leaves_what_was_learned(tmp_path, mo
     assert load_policy(folder / "checkpoint").version > 0
     assert (folder / "detectors.png").exists()
     assert not processes_of(tmp_path)
+
+
+def test_a_film_shows_the_goal_of_a_condition_until_it_holds(tmp_path, capsys) -> None:
+    path = tmp_path / "chain.gif"
+    chain = ["--condition", "chain-2", "--width", "64"]
+    assert main(["film", "--checkpoint", "shipped:3-D", *chain, "--out", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert said.endswith("not reached: none\n")
+    with Image.open(path) as film:
+        shown = sum(1 for _ in ImageSequence.Iterator(film))
+    assert 1 < shown <= int(said.split()[0]) < 200  # equal pictures are stored once
+
+
+def test_an_unknown_condition_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = str(tmp_path / "film.gif")
+    assert main(["film", "--condition", "chain-3", "--out", out]) == 2
+    assert "chain-2" in capsys.readouterr().err

@@ -1,5 +1,6 @@
-"""Children are watched, stopped in bounds, and never outlive their launcher."""
+"""Children are watched, stopped in bounds, never outlive their launcher, and get a free domain."""
 
+import os
 import signal
 import sys
 from pathlib import Path
@@ -10,6 +11,9 @@ from helpers.recordings import written
 from helpers.waiting import wait_for
 from pa_ros.cli import launch
 from pa_ros.cli.main import main
+from pa_ros.core.errors import ConfigError
+from pa_ros.tools import domain
+from pa_ros.tools.domain import DomainClaim, use_free_domain
 from pa_ros.tools.launcher import ChildError, Patience, Supervisor, node_command
 
 OBEDIENT = (  # also where the tests were started with SIGINT ignored, as a shell's `&` does
@@ -98,3 +102,18 @@ def test_node_command_runs_this_interpreter_in_a_namespace(tmp_path):
     assert command[:3] == [sys.executable, "-m", "sim_node.main"]
     assert "__ns:=/arena1" in command and str(tmp_path / "p.yaml") in command
     assert not any("__ns" in word for word in node_command(["sim_node"], tmp_path / "p.yaml"))
+
+
+def test_a_claimed_domain_is_not_given_again_until_it_is_closed(monkeypatch) -> None:
+    with DomainClaim() as first:
+        monkeypatch.setattr(domain, "DOMAINS", (first.number,))
+        with pytest.raises(ConfigError, match="every one is in use"):
+            DomainClaim()
+    with DomainClaim() as again:
+        assert again.number == first.number
+
+
+def test_a_domain_is_chosen_for_this_process_and_its_children(monkeypatch) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
+    number = use_free_domain()
+    assert number in domain.DOMAINS and os.environ["ROS_DOMAIN_ID"] == str(number)

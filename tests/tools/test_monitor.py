@@ -6,13 +6,7 @@ from unittest.mock import Mock
 import pytest
 
 from helpers.waiting import Clock
-from pa_ros.tools.monitor import (
-    LINE_PERIOD_S,
-    STALE_S,
-    Display,
-    GraphFigures,
-    watch_diagnostics,
-)
+from pa_ros.tools.monitor import LINE_PERIOD_S, STALE_S, Display, GraphFigures, watch_diagnostics
 from pa_ros.wire.diagnostics import Health, encode_diagnostics
 
 
@@ -89,10 +83,7 @@ def test_a_stream_that_is_no_terminal_gets_a_plain_line_now_and_then(monkeypatch
 
 @pytest.mark.parametrize(
     ("said", "shown"),
-    [
-        ("[/red] :warning: {x}", "[/red] :warning: {x}"),
-        ("a\x1b[2Jb\rc\nd", r"a\x1b[2Jb\rc\nd"),
-    ],
+    [("[/red] :warning: {x}", "[/red] :warning: {x}"), ("a\x1b[2Jb\rc\nd", r"a\x1b[2Jb\rc\nd")],
 )
 def test_the_table_on_a_terminal_shows_messages_unchanged_and_moves_no_cursor(
     monkeypatch, said, shown
@@ -123,7 +114,6 @@ def test_nodes_of_other_namespaces_are_left_out() -> None:
     node.create_subscription = lambda _, name, callback, *rest: heard.append(callback)
     watch_diagnostics(node, figures)
     for where, frames in (("/left", "1000"), ("/right", "90000")):
-        heard[0](
-            encode_diagnostics([Health(f"{where}/learner_node", values={"frames": frames})], 0)
-        )
+        health = Health(f"{where}/learner_node", values={"frames": frames})
+        heard[0](encode_diagnostics([health], 0))
     assert figures.value("learner_node", "frames") == 1000

@@ -189,8 +189,7 @@ def resident_mb() -> float:
 
 
 @pytest.mark.parametrize(
-    "asked",
-    [["--topics", "bad topic!"], ["--arenas", "a b"], ["--namespace", "a b"]],
+    "asked", [["--topics", "bad topic!"], ["--arenas", "a b"], ["--namespace", "a b"]]
 )
 def test_names_that_ros_rejects_leave_no_bag(tmp_path, capsys, asked):
     assert main(["record", str(tmp_path / "bag"), *asked]) == 2

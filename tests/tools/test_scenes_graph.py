@@ -48,11 +48,10 @@ def test_samples_show_blocks_program_and_distance_of_an_arena_that_waits():
         named = [f"NEAR(HAND, AND({color}, {shape}))" for color, shape in both]
         assert list(found[: len(both)]) == named, "in the order of the blocks"
 
-        speaker = probe.speaker(topics.PROGRAM)
-        speaker.publish(encode_program(ProgramRequest("a", found[0])))
-        assert probe.until(
-            lambda: monitor.scene.program == found[0] and " m" in monitor.scene.line()
-        )
+        request = encode_program(ProgramRequest("a", found[0]))
+        probe.speaker(topics.PROGRAM).publish(request)
+        assert probe.until(lambda: monitor.scene.program == found[0])
+        assert probe.until(lambda: " m" in monitor.scene.line())
         fleet = SceneFigures(probe, GraphFigures(), ["", "elsewhere"])
         one = SceneFigures(probe, GraphFigures(), [])
         assert probe.until(lambda: "blocks" in dict(one.rows()))
