@@ -23,16 +23,13 @@ pytestmark = pytest.mark.graph
 KEY = b"a key of thirty-two bytes, or so."
 COMMAND = Command(0, 0, 1, "x", 0, np.zeros(6, np.float32))
 FEATURES = encode_step(replace(sample_step()[0], arena_id="x"))
+LATER = replace(LEARNER, stamp_ns=2**62)
 STRANGERS = [
     (topics.OBJECT_FEATURES, lambda: deepcopy(FEATURES), "agent_node"),
     (topics.JOINT_COMMANDS, lambda: encode_command(COMMAND), "sim_node"),
     (topics.TRAJECTORIES, lambda: encode_trajectory(trajectory(0, "x")), "learner_node"),
     (topics.POLICY_WEIGHTS, lambda: encode_weights(published(9)), "agent_node"),
-    (
-        topics.LEARNER_INFO,
-        lambda: encode_learner_info(replace(LEARNER, stamp_ns=2**62)),
-        "agent_node",
-    ),
+    (topics.LEARNER_INFO, lambda: encode_learner_info(LATER), "agent_node"),
     (topics.ARENA_INFO, lambda: encode_arena_info(replace(ARENA, arena_id="x")), "learner_node"),
 ]
 

@@ -1,9 +1,14 @@
-"""What a node logs of its state: what changed in kind, not every number."""
+"""What a node logs of its state, and signals that come while it spins."""
 
+import os
+import signal
 from collections.abc import Iterator
 
 import pytest
 
+from helpers.waiting import DEADLINE_S
+from pa_ros.core.signals import Interrupted, signals_interrupt
+from pa_ros.ros.executor import spin_until, steady_timer
 from pa_ros.ros.health import NUMBERS, OK, HealthReporter
 from pa_ros.ros.refusals import Refusals
 from pa_ros.tools.client import Node, client_node
@@ -26,3 +31,20 @@ def test_a_message_that_differs_only_in_a_number_is_logged_once(node: Node, monk
         reporter.publish()
     assert logged == ["waits for 2 s", "learning", "waits for 2 s"]
     assert NUMBERS.sub("#", "a 1.5, b 22") == "a #, b #"
+
+
+def test_a_signal_ends_spinning_after_the_current_callback() -> None:
+    """Raised in a callback it could meet the executor's C++, which makes another error of it."""
+    done: list[str] = []
+
+    def called() -> None:
+        if not done:
+            os.kill(os.getpid(), signal.SIGTERM)
+            done.append("the callback")
+
+    with client_node("test") as node, signals_interrupt():
+        steady_timer(node, 0.01, called)
+        with pytest.raises(Interrupted):
+            spin_until(node, lambda: False, DEADLINE_S)
+        assert done == ["the callback"]
+        assert spin_until(node, lambda: True, DEADLINE_S)  # it can be spun again

@@ -232,9 +232,7 @@ def test_a_bug_in_a_transition_ends_the_node_which_saves_what_it_can(user: User)
     assert user.node.asked[-1] == "cleanup" and user.node.state == "unconfigured"
 
 
-def test_a_node_keeps_following_the_clock_after_cleanup_and_configure(
-    user: User,
-) -> None:
+def test_a_node_keeps_following_the_clock_after_cleanup_and_configure(user: User) -> None:
     node, out = user.node, topics.ROS_CLOCK.publisher(user.probe)
     tick = topics.ROS_CLOCK.type()
     steady_timer(user.probe, 0.05, lambda: out.publish(tick))

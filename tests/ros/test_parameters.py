@@ -108,9 +108,8 @@ def test_an_impossible_value_is_rejected_when_it_is_set(node_with, name, value, 
     node = node_with("number:=3")
     parameters = NodeParameters(node, Config)
     for again in range(2):  # before the first configuring, and after a cleanup
-        rejected, accepted = node.set_parameters(
-            [Parameter(name, value=value), Parameter("factor", value=2)]
-        )
+        both = [Parameter(name, value=value), Parameter("factor", value=2)]
+        rejected, accepted = node.set_parameters(both)
         assert not rejected.successful and rejected.reason == said and accepted.successful
         if not again:
             parameters.fix()
