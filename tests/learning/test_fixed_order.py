@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from helpers.learners import DESIGN, WORLD, trajectory
+from helpers.learners import DESIGN, WORLD, small, trajectory
 from pa_ros.arena import training_programs
 from pa_ros.core.experience import TrajectoryKey
 from pa_ros.learning.errors import LearningError
@@ -16,12 +16,7 @@ from pa_ros.learning.recipes import LearningSettings
 from pa_ros.learning.run import LearningRun
 from pa_ros.world import Trajectory
 
-SMALL: dict[str, Any] = {
-    "learner.replay.warmup_frames": 0,
-    "learner.replay.batch_size": 4,
-    "network.hidden": 8,
-    "network.attention": 4,
-}
+SMALL = small(0, 4, 8, attention=4)
 EVERY = [trajectory(m, agent) for m, agent in itertools.product(range(2), "ab")]
 
 

@@ -22,10 +22,9 @@ def learner(network: NetworkConfig = NETWORK, **fields: object) -> Learner:
         "replay__capacity_frames": 1000,
         "replay__warmup_frames": 0,
         "engine__name": "torch",
+        "schedule__trajectory_steps": 10,
     }
-    values |= {"schedule__trajectory_steps": 10}
-    config = dpg(**(values | fields))
-    return Learner(network, config, PROGRAMS, 0, SCORING)
+    return Learner(network, dpg(**(values | fields)), PROGRAMS, 0, SCORING)
 
 
 class Recorder:
@@ -106,14 +105,9 @@ def test_a_refused_trajectory_changes_nothing() -> None:
     before = (one.counters.version, len(one.table), one.replay.to_metadata())
     with pytest.raises(LearningError):
         one.consume(random_trajectory(rng, sequence=1, rewards=np.full(5, np.nan, np.float32)))
+    unknown = parse("NEAR(HAND, CUBIC)", Vocabulary.of(shape=("CUBIC",), color=("RED",)))
     with pytest.raises(ProgramError):
-        one.consume(
-            random_trajectory(
-                rng,
-                sequence=1,
-                program=parse("NEAR(HAND, CUBIC)", Vocabulary.of(shape=("CUBIC",), color=("RED",))),
-            )
-        )
+        one.consume(random_trajectory(rng, sequence=1, program=unknown))
     assert (one.counters.version, len(one.table), one.replay.to_metadata()) == before
 
 

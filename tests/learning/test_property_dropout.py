@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from helpers.worlds import PROGRAMS, WORLD, dpg, random_trajectory
+from helpers.worlds import PROGRAMS, UNTOLD, WORLD, dpg, random_trajectory
 from pa_ros.core.experience import Float32
 from pa_ros.core.update import Batch
 from pa_ros.language import Vocabulary, parse
@@ -12,7 +12,7 @@ from pa_ros.learning.rules.dropout import PropertyDropout
 from pa_ros.learning.rules.own import OwnProgram
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world.programs import ProgramTable
-from pa_ros.world.schema import COLORS, PAPER, SHAPES, ObjectSchema, PropertyGroup, Seen
+from pa_ros.world.schema import COLORS, PAPER, SHAPES
 from pa_ros.world.world import World
 
 ALL = Vocabulary.of(shape=SHAPES, color=COLORS)
@@ -40,9 +40,8 @@ def hide(
     objects = np.stack([scene(*kinds)] * len(drawn))
     following = objects + (0.5 * (np.arange(16) < 7)).astype(np.float32)
     program = np.tile(np.array(rows, np.int32), (len(drawn), 1))
-    PropertyDropout(OwnProgram(0.9), table, World(PAPER, ALL, joints=6), probability).hide(
-        drawn, objects, following, program
-    )
+    dropout = PropertyDropout(OwnProgram(0.9), table, World(PAPER, ALL, joints=6), probability)
+    dropout.hide(drawn, objects, following, program)
     assert (following[..., 7:] == objects[..., 7:]).all()
     assert (following[..., :7] == objects[..., :7] + np.float32(0.5)).all()
     assert (objects[..., :7] == scene(*kinds)[..., :7]).all()
@@ -127,17 +126,13 @@ def test_only_blocks_that_no_drawn_program_names_are_hidden(relabel) -> None:
 
 
 def test_where_nothing_tells_words_objects_that_a_program_may_name_keep_their_features() -> None:
-    schema = ObjectSchema(
-        (PropertyGroup("shape", SHAPES, Seen(4)), PropertyGroup("color", COLORS, Seen(5)))
-    )
     table = ProgramTable(ALL)
     rows = [table.add(parse(f"NEAR(HAND, {word})", ALL)) for word in ("RED", "CUBE")]
     objects = np.ones((400, 4, 16), np.float32)
     may_name = np.tile(np.array([0, 0b01, 0b10, 0b11], np.uint64), (400, 1))
     program = np.full((400, 1), rows[0], np.int32)
-    PropertyDropout(OwnProgram(0.9), table, World(schema, ALL, joints=6), 0.5).hide(
-        draws(400), objects, objects.copy(), program, may_name
-    )
+    dropout = PropertyDropout(OwnProgram(0.9), table, World(UNTOLD, ALL, joints=6), 0.5)
+    dropout.hide(draws(400), objects, objects.copy(), program, may_name)
     hidden = (objects == 0).any((0, 2))
     assert hidden.tolist() == [False, False, True, False]
     assert {(not row[7:11].any(), not row[11:].any()) for row in objects[:, 2]} == {

@@ -5,13 +5,14 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from helpers.worlds import UNTOLD
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import Vocabulary, parse, satisfying
 from pa_ros.learning.errors import LearningError
 from pa_ros.learning.rules.all_goals import MAX_PROGRAMS, AllGoals, Masks
 from pa_ros.world import Scoring
 from pa_ros.world.measures import ProgramMeasures
-from pa_ros.world.schema import COLORS, PAPER, SHAPES, ObjectSchema, PropertyGroup, Seen
+from pa_ros.world.schema import COLORS, PAPER, SHAPES
 from pa_ros.world.world import World
 
 WORDS = Vocabulary.of(shape=(*SHAPES, "C"), color=(*COLORS, "A"))
@@ -55,12 +56,8 @@ def test_masks_agree_with_the_verifier() -> None:
             named = satisfying(program, words, hand)
             assert bool(present >> j & 1) == any(named)
             for t in range(7):
-                distances = [
-                    np.linalg.norm(objects[t, i, :3].astype(np.float64))
-                    for i in range(n)
-                    if named[i]
-                ]
-                near = min(distances, default=np.inf) <= NEAR_M
+                away = np.linalg.norm(objects[t, list(named), :3].astype(np.float64), axis=1)
+                near = away.min(initial=np.inf) <= NEAR_M
                 assert bool(int(satisfied[t]) >> j & 1) == near
                 seen[near] += 1
     assert min(seen.values()) > 100
@@ -137,22 +134,10 @@ def test_too_few_or_too_many_programs(count) -> None:
         AllGoals([PROGRAMS[0]] * count, WORLD, Scoring({"NEAR": NEAR_M}))
 
 
-UNTOLD = World(
-    ObjectSchema(
-        (PropertyGroup("shape", SHAPES, Seen(4)), PropertyGroup("color", COLORS, Seen(5)))
-    ),
-    WORDS,
-    joints=6,
-)
-"""As WORLD, but its features tell no words."""
-
-
 def test_published_measures_give_the_masks_that_told_properties_give() -> None:
     rng, scoring = np.random.default_rng(0), Scoring({"NEAR": NEAR_M})
-    blind, measured = (
-        AllGoals(PROGRAMS, UNTOLD, scoring),
-        ProgramMeasures(PROGRAMS, WORLD, scoring),
-    )
+    blind = AllGoals(PROGRAMS, World(UNTOLD, WORDS, joints=6), scoring)
+    measured = ProgramMeasures(PROGRAMS, WORLD, scoring)
     for trial in range(20):
         objects, words = episode(rng, 6, 5, trial % 2)
         named = measured.named(objects[0], trial % 2)
@@ -174,4 +159,5 @@ def test_published_measures_give_the_masks_that_told_properties_give() -> None:
 def test_without_the_verifiers_measures_nothing_is_learned_of_what_is_seen(measures) -> None:
     objects, _ = episode(np.random.default_rng(0), 6, 3, 0)
     with pytest.raises(LearningError, match="expected the verifier's measures of the 12 training"):
-        AllGoals(PROGRAMS, UNTOLD, Scoring({"NEAR": NEAR_M})).masks(objects, 0, None, measures)
+        blind = AllGoals(PROGRAMS, World(UNTOLD, WORDS, joints=6), Scoring({"NEAR": NEAR_M}))
+        blind.masks(objects, 0, None, measures)

@@ -37,9 +37,7 @@ def test_a_name_that_is_no_text_is_rejected(name: str) -> None:
         ("ours", 0.9, -10.0),
     ],
 )
-def test_the_critic_starts_at_the_value_of_never_being_rewarded(
-    recipe: str, discount: float, value: float
-) -> None:
+def test_the_critic_starts_at_the_value_of_never_being_rewarded(recipe, discount, value) -> None:
     given: dict[str, Any] = {"recipe": recipe, "learner.updates.discount": discount}
     learning = LearningSettings(**given)
     network = learning.network.for_world(WORLD)

@@ -38,10 +38,7 @@ from pa_ros.learning.progress import ProgressLog
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Trajectory
 
-CHANGING: dict[str, Any] = {
-    "detectors__sparsity": 0.5,
-    "relabeling__property_dropout": 0.5,
-}
+CHANGING: dict[str, Any] = {"detectors__sparsity": 0.5, "relabeling__property_dropout": 0.5}
 
 
 def assert_same(one: Learner, two: Learner) -> None:
