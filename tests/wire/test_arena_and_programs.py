@@ -1,4 +1,4 @@
-"""An arena's description, programs and answers of services as messages."""
+"""An arena's description, programs, their ids, and answers of services as messages."""
 
 import math
 from dataclasses import replace
@@ -12,6 +12,7 @@ from helpers import learners
 from helpers.messages import texts
 from helpers.rejections import rejected
 from msgs_schema.srv import Reset, SetSpeed
+from pa_ros.language import ProgramError, Vocabulary
 from pa_ros.wire.arena import decode_arena_info, encode_arena_info
 from pa_ros.wire.program import (
     ProgramRequest,
@@ -22,6 +23,7 @@ from pa_ros.wire.program import (
     encode_program_status,
     program_id_of,
 )
+from pa_ros.wire.program_book import PROGRAMS, ProgramBook
 from pa_ros.wire.services import (
     SPEEDS,
     Outcome,
@@ -133,3 +135,27 @@ def test_speeds_outside_the_bounds_are_rejected(speed):
     with rejected("wire.range"):
         decode_speed(encode_speed(speed))
     assert [decode_speed(encode_speed(bound)) for bound in SPEEDS] == list(SPEEDS)
+
+
+@pytest.fixture
+def book() -> ProgramBook:
+    return ProgramBook(Vocabulary.of(color=("RED", "BLUE")))
+
+
+def test_an_accepted_program_is_remembered_by_id_and_parsed_once(book):
+    assert book.accept(ProgramRequest("1", "NEAR(HAND,RED )")) == "NEAR(HAND, RED)"
+    assert book.accept(ProgramRequest("1", "NEAR(HAND, RED)")) == "NEAR(HAND, RED)"
+    assert book.program("NEAR(HAND, RED)") is book.program("NEAR(HAND, RED)")
+    assert book.named("1", "NEAR(HAND, RED)") is book.program("NEAR(HAND, RED)")
+    assert book.named("1", "NEAR(HAND, BLUE)") is book.named("2", "NEAR(HAND, RED)") is None
+
+
+def test_a_reused_id_and_an_invalid_text_are_rejected(book):
+    book.accept(ProgramRequest("1", "NEAR(HAND, RED)"))
+    with rejected("program.id_taken"):
+        book.accept(ProgramRequest("1", "NEAR(HAND, BLUE)"))
+    with pytest.raises(ProgramError):
+        book.accept(ProgramRequest("2", "NEAR(HAND, PINK)"))
+    for number in range(PROGRAMS):
+        book.name(f"other {number}", "NEAR(HAND, RED)")
+    assert book.accept(ProgramRequest("1", "NEAR(HAND, BLUE)"))  # the id is forgotten

@@ -1,4 +1,4 @@
-"""What robots' sensors send is read; what cannot be is rejected with the field's name."""
+"""What robots' sensors send is read or rejected with the field's name; markers for viewers."""
 
 import numpy as np
 import pytest
@@ -6,9 +6,10 @@ from geometry_msgs.msg import PoseStamped, TransformStamped
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesisWithPose
-from visualization_msgs.msg import Marker
+from visualization_msgs.msg import Marker, MarkerArray
 
 from helpers.rejections import rejected
+from pa_ros.wire.fields import write_vector
 from pa_ros.wire.robot import (
     decode_detections,
     decode_driver_joints,
@@ -16,6 +17,7 @@ from pa_ros.wire.robot import (
     decode_transforms,
     encode_table,
 )
+from pa_ros.wire.views import encode_outlines
 
 HALF_TURN = [0.0, 0.0, 1.0, 0.0]
 
@@ -45,12 +47,6 @@ def test_a_transform_is_a_pose_of_its_child_in_its_parent():
         decode_transforms(TFMessage(transforms=[transform(w=0.0)]))
     with rejected("wire.non_finite"):
         decode_transforms(TFMessage(transforms=[transform(x=float("nan"))]))
-
-
-def test_a_tracked_pose_gets_the_name_that_it_is_kept_under():
-    message = PoseStamped()
-    message.header.frame_id = "camera"
-    assert decode_tracked(message, "measured:cup")[:2] == ("camera", "measured:cup")
 
 
 def test_of_each_wanted_class_the_detection_with_the_highest_score_counts():
@@ -83,3 +79,44 @@ def test_markers_show_box_objects_and_where_the_hand_goes():
     assert by_name["workspace"].pose.position.y == 1.0 and by_name["workspace"].scale.x == 2.0
     assert [point.x for point in by_name["motion"].points] == pytest.approx([1.0, 1.2])
     assert {m.header.frame_id for m in shown} == {"base"} and shown[0].action == Marker.DELETEALL
+
+
+POSE = np.array([0.1, -2.0, 0.3, 0.5, -0.5, 0.5, 0.5])
+
+
+def posed(numbers: np.ndarray) -> PoseStamped:
+    message = PoseStamped()
+    message.header.frame_id = "world"
+    write_vector(message.pose.position, numbers[:3])
+    write_vector(message.pose.orientation, numbers[3:], "xyzw")
+    return message
+
+
+def test_a_measured_pose_gets_a_unit_quaternion_and_the_name_that_it_is_kept_under():
+    sent = posed(POSE * (1, 1, 1, 1.05, 1.05, 1.05, 1.05))
+    frame, name, pose, _ = decode_tracked(sent, "measured:cup")
+    assert (frame, name) == ("world", "measured:cup")
+    np.testing.assert_allclose(pose, POSE)
+
+
+@pytest.mark.parametrize(
+    ("index", "value", "code"),
+    [(0, np.nan, "wire.non_finite"), (0, 1e5, "wire.range"), (slice(3, 7), 0.0, "wire.range")],
+)
+def test_impossible_poses_are_rejected(index, value, code):
+    pose = POSE.copy()
+    pose[index] = value
+    with rejected(code):
+        decode_tracked(posed(pose), "cup")
+
+
+def test_a_block_gets_the_p_of_the_object_that_is_seen_where_it_is():
+    """Its number does not say which: a camera sees blocks in an order of its own."""
+    places = np.array([[np.inf] * 3, [0.0, 0.01, 0.0], [0.49, 0.0, 0.0]])
+    # The second time no camera sees a block.
+    for seen, p, opacities in ((3, [1.0, 0.5, 0.0], [0.0, 0.25]), (1, [1.0], [0.0, 0.0])):
+        markers = MarkerArray(markers=[Marker(ns="blocks", id=n) for n in (0, 2**31 - 1)])
+        markers.markers[0].pose.position.x = 0.5
+        outlined = encode_outlines(markers, places[:seen], p)
+        assert [marker.color.a for marker in outlined.markers] == opacities
+    assert encode_outlines(MarkerArray(), places, [1.0, 0.5, 0.0]) is None

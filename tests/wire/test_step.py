@@ -116,11 +116,7 @@ def test_a_command_survives_the_wire(seed, episode, step, stamp, agent, version)
 
 
 @pytest.mark.parametrize(
-    ("action", "code"),
-    [
-        ([0.0] * 7, "wire.size"),
-        ([0.0] * 5 + [math.nan], "wire.non_finite"),
-    ],
+    ("action", "code"), [([0.0] * 7, "wire.size"), ([0.0] * 5 + [math.nan], "wire.non_finite")]
 )
 def test_malformed_commands_are_rejected(action, code):
     message = encode_command(Command(0, 0, 0, "a", 0, np.zeros(6, np.float32)))

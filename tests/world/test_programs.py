@@ -7,16 +7,7 @@ from hypothesis import strategies as st
 
 from helpers import programs as generated
 from helpers.programs import VOCABULARY
-from pa_ros.language import (
-    LOGICS,
-    Logic,
-    Program,
-    parse,
-    relevance,
-    role_relevance,
-    roles,
-    satisfying,
-)
+from pa_ros.language import LOGICS, Program, parse, relevance, role_relevance, roles, satisfying
 from pa_ros.language.flat import COPY, Compiled
 from pa_ros.language.syntax import HAND
 from pa_ros.networks.relevance import program_tensors, relevant_objects, relevant_sets
@@ -50,9 +41,7 @@ def random_phi(seed: int, *lead: int, objects: int) -> torch.Tensor:
 
 
 @given(programs, seeds, st.integers(1, 6), st.sampled_from([*LOGICS.values()]), st.data())
-def test_a_batch_of_different_programs_equals_each_alone(
-    members: list[Program], seed: int, objects: int, logic: Logic, data: st.DataObject
-) -> None:
+def test_a_batch_of_different_programs_equals_each_alone(members, seed, objects, logic, data):
     hand = data.draw(st.integers(0, objects - 1))
     table, rows = table_of(members)
     code = Compiled(*(x[rows] for x in program_tensors(table)))
@@ -66,9 +55,7 @@ def test_a_batch_of_different_programs_equals_each_alone(
 
 @given(programs, seeds)
 @settings(max_examples=30)
-def test_several_programs_for_each_scene_equal_one_at_a_time(
-    members: list[Program], seed: int
-) -> None:
+def test_several_programs_for_each_scene_equal_one_at_a_time(members: list[Program], seed: int):
     table, rows = table_of(members)
     batch = torch.tensor([rows, rows[::-1], rows])  # [B, K]
     code = Compiled(*(x[batch] for x in program_tensors(table)))
@@ -97,9 +84,7 @@ def test_crisp_equals_satisfying(members: list[Program], seed: int, hand: int) -
 
 @given(moving, seeds, st.integers(0, 4), st.sampled_from([*LOGICS.values()]))
 @settings(max_examples=50)
-def test_the_two_sets_of_a_batch_equal_each_program_alone(
-    members: list[Program], seed: int, hand: int, logic: Logic
-) -> None:
+def test_the_two_sets_of_a_batch_equal_each_program_alone(members, seed, hand, logic) -> None:
     table = ProgramTable(MOVING)
     rows = [table.add(program) for program in members]
     phi = random_phi(seed, len(rows), objects=5)
@@ -158,11 +143,8 @@ def test_a_table_keeps_equal_programs_once_and_pads_with_copies() -> None:
     assert table.compiled().op.shape[0] == 0
     long = parse("NEAR(HAND, AND(NOT(RED), CUBE))", VOCABULARY)
     short = parse("NEAR(HAND, RED)", VOCABULARY)
-    assert [table.add(short), table.add(long), table.add(parse(str(short), VOCABULARY))] == [
-        0,
-        1,
-        0,
-    ]
+    again = parse(str(short), VOCABULARY)
+    assert [table.add(one) for one in (short, long, again)] == [0, 1, 0]
     assert len(table) == 2
     assert table.texts == (str(short), str(long))
     op, a, b, *others = code = table.compiled()

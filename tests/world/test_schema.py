@@ -38,12 +38,6 @@ def test_networks_get_numbers_times_their_scale_and_all_else_as_it_is() -> None:
     assert Real(("m",), {"SMALL": (0.04,)}, 0.01).scale == 1.0
 
 
-def test_objects_are_labelled_by_their_values_or_their_numbers() -> None:
-    cube = SIZED.features({"shape": "CUBE", "color": "BLUE", "size": "SMALL"})
-    objects = np.stack([np.zeros_like(cube), cube, np.zeros_like(cube)])
-    assert PAPER.labels(objects[:, :16], 0) == ("hand", "BLUE CUBE", "block 2")
-
-
 @pytest.mark.parametrize(
     ("values", "why"),
     [
@@ -70,10 +64,7 @@ def group(words: tuple[str, ...] = ("A",), name: str = "g", **changed: object) -
     [
         ({"tolerance": 0.5}, "more than twice the tolerance 0.5 apart, got A .* and B"),
         ({"scale": float("inf")}, "positive tolerance and scale"),
-        (
-            {"of": {"A": (0.0, 1.0)}},
-            r"group g: A: expected 1 finite numbers, got \(0.0, 1.0\)",
-        ),
+        ({"of": {"A": (0.0, 1.0)}}, r"group g: A: expected 1 finite numbers, got \(0.0, 1.0\)"),
         ({"of": {}}, "at least one value"),
         ({"name": "Größe"}, "lower-case ASCII name"),
     ],

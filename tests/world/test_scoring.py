@@ -58,12 +58,9 @@ def test_the_nearest_named_object_counts() -> None:
 
 
 @given(
-    arrays(np.float32, (4, 3, 16), elements=st.floats(-2, 2, width=32)),
-    arrays(np.bool_, (2, 3)),
+    arrays(np.float32, (4, 3, 16), elements=st.floats(-2, 2, width=32)), arrays(np.bool_, (2, 3))
 )
-def test_many_states_and_programs_get_the_same_bits_as_each_alone(
-    objects: Float32, named: np.ndarray
-) -> None:
+def test_many_states_and_programs_get_the_same_bits_as_each_alone(objects, named) -> None:
     """So rewards that relabeling computes equal those that the arena gave."""
     scoring = Scoring({"NEAR": 0.5})
     together = scoring(named, objects[:, None])  # [4, 2]
