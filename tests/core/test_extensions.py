@@ -37,24 +37,16 @@ def test_a_second_of_one_name_is_refused_and_the_same_again_is_not() -> None:
 def test_an_extension_is_a_file_or_a_module_and_runs_once(tmp_path: Path) -> None:
     path = tmp_path / "mine.py"
     path.write_text("import itertools\nruns = []\nruns.append(1)\n")
-    (first, calendar), (again,) = (
-        extensions.load([str(path), "calendar"]),
-        extensions.load([str(path)]),
-    )
+    first, calendar = extensions.load([str(path), "calendar"])
+    (again,) = extensions.load([str(path)])
     assert first is again and first.runs == [1] and calendar.__name__ == "calendar"
 
 
 @pytest.mark.parametrize(
     ("text", "why"),
-    [
-        ("1 / 0", "ZeroDivisionError"),
-        ("exit(0)", "SystemExit: 0"),
-        (None, "No such file"),
-    ],
+    [("1 / 0", "ZeroDivisionError"), ("exit(0)", "SystemExit: 0"), (None, "No such file")],
 )
-def test_an_extension_that_cannot_be_imported_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str | None, why: str
-) -> None:
+def test_an_extension_that_cannot_be_imported_is_named(tmp_path, capsys, text, why) -> None:
     path = tmp_path / "broken.py"
     if text is not None:
         path.write_text(text)
@@ -66,9 +58,7 @@ def test_an_extension_that_cannot_be_imported_is_named(
 
 
 @pytest.mark.parametrize("place", [0, 3])
-def test_an_extension_is_named_anywhere_on_the_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], place: int
-) -> None:
+def test_an_extension_is_named_anywhere_on_the_line(tmp_path, capsys, place: int) -> None:
     line = ["bag", "info", str(tmp_path / "none")]
     line[place:place] = ["--extension", "calendar"]
     assert main(line) == 2

@@ -33,14 +33,8 @@ class Whole(Settings):
         ({"name": "z"}, "whole.name: expected one of ['x', 'y'], got 'z'"),
         ({"steps": 10}, "whole.steps: expected an integer in [1, 9], got 10"),
         ({"part": 3}, "whole.part: expected the settings of this part, got 3"),
-        (
-            {"qqq": 1},
-            "whole.qqq: unknown setting",
-        ),
-        (
-            {"part.kidn": 1},
-            "whole.part.kidn: unknown setting; did you mean 'whole.part.kind'?",
-        ),
+        ({"qqq": 1}, "whole.qqq: unknown setting"),
+        ({"part.kidn": 1}, "whole.part.kidn: unknown setting; did you mean 'whole.part.kind'?"),
         ({"share": 0.1}, "whole.share: unknown setting; did you mean 'whole.part.share'?"),
     ],
 )

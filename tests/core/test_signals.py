@@ -5,7 +5,6 @@ import os
 import signal
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -77,9 +76,7 @@ def test_what_is_under_way_comes_to_its_end_before_a_signal_interrupts() -> None
         assert not again()
 
 
-def test_a_module_is_imported_before_a_signal_interrupts(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_module_is_imported_before_a_signal_interrupts(tmp_path, monkeypatch) -> None:
     """Modules in C lose what is raised in them, or make another error of it."""
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "losing.py").write_text(

@@ -55,9 +55,8 @@ def test_the_command_line_trains_with_it_and_stores_its_name(
     out = str(tmp_path / "run")
     given = ["--extension", CRANE, "train", "--arm", "crane", "--frames", "200", "--out", out]
     assert main([*given, "--eval-every", "0"]) == 0
-    assert (
-        main(["eval", "--checkpoint", out, "--episodes", "2"]) == 0
-    )  # the checkpoint contains the arm
+    # The checkpoint contains the arm.
+    assert main(["eval", "--checkpoint", out, "--episodes", "2"]) == 0
     other = ["train", "--arm", "panda", "--frames", "300", "--out", out, "--resume"]
     assert main(other) == 2
     assert "arm: expected 'panda', got 'crane'" in capsys.readouterr().err

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -50,13 +51,7 @@ from pa_ros.wire.program import (
 from pa_ros.wire.program_book import ProgramBook
 from pa_ros.wire.robot import decode_driver_joints
 from pa_ros.wire.services import decode_reset, decode_speed
-from pa_ros.wire.step import (
-    decode_command,
-    decode_step,
-    encode_command,
-    encode_joints,
-    encode_step,
-)
+from pa_ros.wire.step import decode_command, decode_step, encode_command, encode_joints, encode_step
 from pa_ros.world import reward_from
 from pa_ros.world.schema import PAPER
 from pa_ros.world.world import World
@@ -154,10 +149,7 @@ RECEIVERS: dict[str, tuple[Any, Callable[[Any], object]]] = {
     "program": (encode_program(ProgramRequest("p", "NEAR(HAND, RED)")), program),
     "program_status": (encode_program_status(STATUS), decode_program_status),
     "provenance": (encode_provenance(ORIGIN), decode_provenance),
-    "diagnostics": (
-        encode_diagnostics([Health("/a", 1, "x", {"k": "v"})], 5),
-        decode_diagnostics,
-    ),
+    "diagnostics": (encode_diagnostics([Health("/a", 1, "x", {"k": "v"})], 5), decode_diagnostics),
     "reset": (Reset.Request(episode=3), decode_reset),
     "speed": (SetSpeed.Request(real_time_factor=1.0), decode_speed),
 }
@@ -173,11 +165,7 @@ def check(name: str, message: Any) -> None:
 @pytest.mark.timeout(0)
 @pytest.mark.parametrize("name", RECEIVERS)
 def test_messages(name: str):
-    explore(
-        damaged(RECEIVERS[name][0]),
-        lambda message: check(name, message),
-        MESSAGES // len(RECEIVERS),
-    )
+    explore(damaged(RECEIVERS[name][0]), partial(check, name), MESSAGES // len(RECEIVERS))
 
 
 @pytest.mark.parametrize("name", RECEIVERS)

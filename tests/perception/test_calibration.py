@@ -76,12 +76,7 @@ def test_a_part_of_an_object_tells_its_color_and_not_its_shape() -> None:
 
 @pytest.mark.parametrize(
     "damage",
-    [
-        {"format": 0},
-        {"channels": {}},
-        {"more": 1},
-        {"channels": {"shape": {}, "color": {}}},
-    ],
+    [{"format": 0}, {"channels": {}}, {"more": 1}, {"channels": {"shape": {}, "color": {}}}],
 )
 def test_a_damaged_calibration_is_rejected(damage: dict[str, object]) -> None:
     made = made_of(0)

@@ -13,6 +13,7 @@ import pytest
 
 from agent_node.node import AgentNode
 from helpers.graph import Probe, graph, learned_over_the_graph
+from helpers.learners import small
 from helpers.pictures import opengl
 from pa_ros.acting.agent import Agent
 from pa_ros.acting.errors import ActingError
@@ -39,11 +40,7 @@ from sim_node.camera.node import CameraNode
 from sim_node.node import SimNode
 
 SEED, EPISODES = 7, 5  # in the first of these episodes the arm hides a block for a while
-SETTINGS = {
-    "learner.replay.warmup_frames": 20,
-    "learner.replay.batch_size": 16,
-    "network.hidden": 32,
-}
+SETTINGS = small(20, 16, 32)
 
 
 @pytest.fixture(scope="module")

@@ -56,18 +56,6 @@ def test_an_agent_that_pushes_learns_and_is_scored_from_pictures(
     assert ": 1 episode, " in capsys.readouterr().out
 
 
-def test_pictures_are_of_one_condition_and_for_agents_that_see(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    for checkpoint, condition, needs in (
-        ("shipped:camera", "all", "one condition"),
-        ("shipped:3-D", "eval", "an agent that sees"),
-    ):
-        wanted = ["--checkpoint", checkpoint, "--condition", condition, "--pictures", "dim"]
-        assert cli.main(["eval", *wanted]) == 2
-        assert f"--pictures: needs {needs}" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("options", "why"),
     [
