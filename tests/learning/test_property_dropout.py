@@ -94,8 +94,8 @@ def test_new_programs_of_the_table_count_too() -> None:
         assert set(np.flatnonzero((objects != scene(*BLOCKS)).any((0, 2)))) == {hidden}
 
 
-def batches(**fields: object) -> list[Batch]:
-    """Forty batches of four transitions."""
+def learned(**fields: object) -> tuple[Learner, list[Batch]]:
+    """A learner, and forty of its batches of four transitions."""
     config = dpg(
         replay__batch_size=4,
         replay__capacity_frames=1000,
@@ -107,16 +107,19 @@ def batches(**fields: object) -> list[Batch]:
     rng = np.random.default_rng(0)
     for sequence in range(4):
         one.consume(random_trajectory(rng, 10, sequence=sequence))
-    return list(one.batches(40))
+    return one, list(one.batches(40))
 
 
 @pytest.mark.parametrize("relabel", ["none", "all-goals"])
 def test_only_blocks_that_no_drawn_program_names_are_hidden(relabel) -> None:
     """Of two blocks, each named by one program, the other's are hidden; the replay keeps them."""
-    plain = batches(relabeling__rule=relabel)
+    _, plain = learned(relabeling__rule=relabel)
     assert all((batch.objects[:, 1:3, 7:].sum(-1) == 2).all() for batch in plain)
     hidden = 0
-    for batch in batches(relabeling__rule=relabel, relabeling__property_dropout=0.9):
+    learner, drawn = learned(relabeling__rule=relabel, relabeling__property_dropout=0.9)
+    for batch in drawn:
+        rows = np.asarray(batch.rows)
+        np.testing.assert_array_equal(learner.rewards(rows, batch.program), batch.reward)
         for b, (row,) in enumerate(batch.program):
             named, other = (1, 2) if row == 0 else (2, 1)
             assert batch.objects[b, named, 7:].sum() == 2

@@ -82,7 +82,7 @@ def test_draws(k) -> None:
     rng = np.random.default_rng(1)
     present = [{0, 2, 5}, {1, 3, 4, 6, 8}, {7}, set()]
     satisfied = [{2}, {1, 8}, set(), set()]
-    original = np.array([2, 1, 7, 9], np.int32)
+    original = np.array([2, 1, 0, 9], np.int32)  # the third is not present
     reward = np.array([1.0, 1.0, -1.0, 1.0], np.float32)
     for _ in range(50):
         masks = Masks(bits(satisfied), bits(present))
@@ -132,6 +132,7 @@ def test_the_64th_program_has_its_bit() -> None:
 def test_too_few_or_too_many_programs(count) -> None:
     with pytest.raises(ConfigError, match=f"got {count}"):
         AllGoals([PROGRAMS[0]] * count, WORLD, Scoring({"NEAR": NEAR_M}))
+    assert AllGoals(PROGRAMS[:1], WORLD, Scoring({"NEAR": NEAR_M})).programs == PROGRAMS[:1]
 
 
 def test_published_measures_give_the_masks_that_told_properties_give() -> None:
