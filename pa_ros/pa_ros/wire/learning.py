@@ -37,6 +37,8 @@ MAX_TRANSITIONS = 10_000  # of one trajectory
 MAX_DIMENSIONS = 8  # of one tensor
 DTYPE, ITEM_BYTES = "float32", 4
 SAME = SharedFields(LearnerInfo, msg.LearnerInfo)
+SAME_OF_SNAPSHOT = SharedFields(PolicySnapshot, msg.PolicyWeights)
+SAME_OF_POLICY = SharedFields(PublishedPolicy, msg.PolicyWeights)
 SAME_OF_TRAJECTORY = SharedFields(Trajectory, msg.Trajectory)
 
 
@@ -58,8 +60,8 @@ def encode_trajectory(trajectory: Trajectory) -> msg.Trajectory:
     return message
 
 
-def decode_trajectory_key(message: msg.Trajectory) -> TrajectoryKey:
-    """The name of a trajectory without decoding the rest."""
+def decode_trajectory_key(message: msg.Trajectory | msg.SequenceMark) -> TrajectoryKey:
+    """The name of a trajectory, without the rest of it."""
     return TrajectoryKey(message.agent_id, message.incarnation, message.sequence)
 
 
@@ -128,10 +130,8 @@ def encode_weights(policy: PublishedPolicy) -> msg.PolicyWeights:
     snapshot = policy.snapshot
     message = msg.PolicyWeights()
     write_stamp(message.stamp, policy.stamp_ns)
-    message.run_id, message.learner_id = policy.run_id, policy.learner_id
-    message.version = snapshot.version
-    message.architecture = snapshot.architecture
-    message.world_digest = snapshot.world_digest
+    SAME_OF_POLICY.write(message, policy)
+    SAME_OF_SNAPSHOT.write(message, snapshot)
     message.consumed = [
         _mark(TrajectoryKey(*agent, following - 1))
         for agent, following in sorted(policy.accounted.items())
@@ -160,19 +160,12 @@ def decode_weights(message: msg.PolicyWeights, world_digest: str | None = None) 
     if world_digest not in (None, message.world_digest):
         field, received = "policy_weights.world_digest", message.world_digest
         raise WireError(field, world_digest, received, code="wire.world")
-    snapshot = PolicySnapshot(
-        version=message.version,
-        architecture=message.architecture,
-        world_digest=message.world_digest,
-        tensors=_read_tensors(message),
-    )
     return PublishedPolicy(
-        snapshot,
-        message.run_id,
-        message.learner_id,
-        {AgentKey(m.agent_id, m.incarnation): m.sequence + 1 for m in message.consumed},
-        next((TrajectoryKey(m.agent_id, m.incarnation, m.sequence) for m in message.latest), None),
-        read_stamp(message.stamp),
+        PolicySnapshot(tensors=_read_tensors(message), **SAME_OF_SNAPSHOT.read(message)),
+        accounted={AgentKey(m.agent_id, m.incarnation): m.sequence + 1 for m in message.consumed},
+        latest=next(map(decode_trajectory_key, message.latest), None),
+        stamp_ns=read_stamp(message.stamp),
+        **SAME_OF_POLICY.read(message),
     )
 
 

@@ -10,7 +10,7 @@ from simulation_interfaces.srv import SetSimulationState
 
 from msgs_schema import srv
 from pa_ros.wire import WireError
-from pa_ros.wire.fields import read_stamp, write_stamp
+from pa_ros.wire.fields import SharedFields, read_stamp, write_stamp
 
 SPEEDS = (0.01, 100.0)  # least and largest real-time factor
 
@@ -69,13 +69,9 @@ def decode_speed(message: srv.SetSpeed.Request) -> float:
 
 def encode_outcome(response: Any, outcome: Outcome) -> Any:
     """Fill the response of Reset or SetSpeed, and return it."""
-    response.success = outcome.success
-    response.code, response.reason = outcome.code, outcome.reason
-    if isinstance(response, srv.SetSpeed.Response):
-        response.real_time_factor = outcome.real_time_factor
-        return response
-    response.episode = outcome.episode
-    write_stamp(response.stamp, outcome.stamp_ns)
+    SharedFields(Outcome, response).write(response, outcome)
+    if hasattr(response, "stamp"):
+        write_stamp(response.stamp, outcome.stamp_ns)
     return response
 
 
@@ -90,16 +86,8 @@ def decode_outcome(response: Any) -> Outcome:
             code == response.ALREADY_IN_TARGET_STATE
         )
         return Outcome(code == Result.RESULT_OK or current, "", reason)
-    if isinstance(response, srv.SetSpeed.Response):
-        factor = response.real_time_factor
-        return Outcome(response.success, response.code, response.reason, real_time_factor=factor)
-    return Outcome(
-        response.success,
-        response.code,
-        response.reason,
-        episode=response.episode,
-        stamp_ns=read_stamp(response.stamp),
-    )
+    stamp_ns = read_stamp(response.stamp) if hasattr(response, "stamp") else 0
+    return Outcome(stamp_ns=stamp_ns, **SharedFields(Outcome, response).read(response))
 
 
 def decode_transition(message: Any) -> tuple[int, str]:
