@@ -70,7 +70,7 @@ class RecordedEpisode:
         return {
             "step": np.array([one.step for one in seen]),
             "stamp_s": np.array(stamps),
-            "objects": _padded([one.objects for one in seen]),
+            "objects": padded(rows, max(len(one.objects) for one in seen), np.nan),
             "joint_position": np.stack([one.joint_position for one in seen]),
             "joint_velocity": np.stack([one.joint_velocity for one in seen]),
             "action": _stacked([row.action for row in rows]),
@@ -82,12 +82,12 @@ class RecordedEpisode:
         }  # fmt: skip
 
 
-def _padded(rows: Sequence[Float32]) -> Float32:
-    """The objects as [T, N, F] with the largest N; NaN where a row has fewer objects."""
-    padded = np.full((len(rows), max(map(len, rows)), rows[0].shape[1]), np.nan, np.float32)
-    for into, row in zip(padded, rows, strict=True):
-        into[: len(row)] = row
-    return padded
+def padded(rows: Sequence[Row], count: int, fill: float) -> Float32:
+    """The rows' objects as [T, count, F], with `fill` where a row has fewer of them."""
+    objects = np.full((len(rows), count, rows[0].seen.objects.shape[1]), fill, np.float32)
+    for into, row in zip(objects, rows, strict=True):
+        into[: len(row.seen.objects)] = row.seen.objects
+    return objects
 
 
 def _stacked(rows: Sequence[NDArray[Any]]) -> NDArray[Any]:

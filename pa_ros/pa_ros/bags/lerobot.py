@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pa_ros.arena import ARMS
 from pa_ros.arena.movie import check_movie, write_movie
 from pa_ros.arena.render import draw
-from pa_ros.bags.episodes import RecordedEpisode, Row
+from pa_ros.bags.episodes import RecordedEpisode, Row, padded
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.export import pyarrow_with_parquet
 from pa_ros.bags.film import RecordedScene
@@ -173,14 +173,10 @@ def _parts(episode: RecordedEpisode) -> list[RecordedEpisode]:
 def _columns(episode: RecordedEpisode, objects: int) -> Columns:
     """The frames of an episode; absent blocks are zero."""
     taken, following = episode.rows[:-1], episode.rows[1:]
-    width = taken[0].seen.objects.shape[1]
-    environment = np.zeros((len(taken), objects, width), np.float32)
-    for into, row in zip(environment, taken, strict=True):
-        into[: len(row.seen.objects)] = row.seen.objects
     state = [np.concatenate([row.seen.joint_position, row.seen.joint_velocity]) for row in taken]
     columns = {
         "observation.state": np.array(state, np.float32),
-        "observation.environment_state": environment.reshape(len(taken), -1),
+        "observation.environment_state": padded(taken, objects, 0.0).reshape(len(taken), -1),
         "action": np.array([row.action for row in taken], np.float32),
         "next.done": np.arange(len(taken)) == len(taken) - 1,
     }
