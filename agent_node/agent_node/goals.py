@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from agent_node.acting import ActingNode
@@ -116,7 +116,8 @@ class ProgramGoals:
     def _cancel(self, goal: ActionGoal) -> None:
         if self._current is not None and self._current.goal is goal:
             self._node.given_up = self._current.request.program_id
-            self._finish(goal.cancel, code="goal.cancelled", reason="cancelled; the arm holds")
+            reason = "cancelled; the arm holds"
+            self._finish(goal.cancel, GoalResult(False, code="goal.cancelled", reason=reason))
 
     def _on_status(self, message: Message) -> None:
         current, status = self._current, decode_program_status(message)
@@ -168,31 +169,27 @@ class ProgramGoals:
 
     def _end(self, current: _Execution, execution: Execution) -> None:
         if execution.ended == "held":
-            self._finish(current.goal.succeed, True, execution.reached_s)
+            reached = GoalResult(True, time_to_reach_s=execution.reached_s)
+            self._finish(current.goal.succeed, reached)
             return
         code, reason = ENDED[execution.ended]
         if execution.ended in ("window", "violated"):
             self._node.given_up = current.request.program_id
         if execution.ended == "window":
             reason = f"{reason} ({current.wanted.time_limit_s:g} s)"
-        self._finish(current.goal.abort, False, execution.reached_s, code, reason)
+        reached_s = execution.reached_s
+        missed = GoalResult(False, time_to_reach_s=reached_s, code=code, reason=reason)
+        self._finish(current.goal.abort, missed)
 
     def _abort(self, code: str, reason: str, position: int = -1) -> None:
         assert self._current is not None
-        self._finish(self._current.goal.abort, code=code, reason=reason, position=position)
+        result = GoalResult(False, code=code, reason=reason, position=position)
+        self._finish(self._current.goal.abort, result)
 
-    def _finish(
-        self,
-        end: Callable[[Message], None],
-        success: bool = False,
-        reached_s: float | None = None,
-        code: str = "",
-        reason: str = "",
-        position: int = -1,
-    ) -> None:
+    def _finish(self, end: Callable[[Message], None], result: GoalResult) -> None:
+        """End the goal with a result, which gets the distance of the newest step."""
         current, self._current = self._current, None
         assert current is not None
         self._node.destroy_timer(self._timer)
-        distance = current.watch.distance
-        result = GoalResult(success, distance, reached_s, code, reason, position)
+        result = replace(result, final_distance=current.watch.distance)
         end(Message(encode_goal_result(result)))
