@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-import rclpy
 import viser
 from rclpy.node import Node
 
@@ -22,7 +21,7 @@ from pa_ros.console.page import Page
 from pa_ros.console.replay import Replay, Timeline
 from pa_ros.console.server import ConsoleServer, attempt
 from pa_ros.console.settings import ConsoleSettings
-from pa_ros.ros.executor import spin_until, steady_timer
+from pa_ros.ros.executor import node_beside, spin_until, steady_timer
 from pa_ros.ros.refusals import Refusals
 from pa_ros.tools.client import client_node
 
@@ -71,12 +70,7 @@ def beside(node: Node, settings: ConsoleSettings, namespace: str = "") -> Iterat
     """Serve a page as long as the context lasts; it is updated while the node is spun."""
     with ConsoleServer(settings) as server:
         # Nobody spins this node: the steps of an arena are taken only when they are drawn.
-        sampled = rclpy.create_node(
-            f"{node.get_name()}_sampler",
-            context=node.context,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
+        sampled = node_beside(node, "sampler")
         live = LiveConsole(node, sampled, Page(server), namespace)
         visitors = Visitors(server, lambda client: Controls(client, live))
         refreshed, refusals = [0.0], Refusals(node.get_logger().warning)

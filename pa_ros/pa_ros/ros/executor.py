@@ -8,6 +8,7 @@ from contextlib import redirect_stderr
 from typing import Any
 from weakref import WeakKeyDictionary, WeakSet
 
+import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
@@ -21,6 +22,17 @@ POLL_S = 0.1
 def steady_timer(node: Node, period_s: float, callback: Callable[[], None]) -> Any:
     """Create a timer that runs on wall time, whatever the node's clock is."""
     return node.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
+def node_beside(node: Node, suffix: str) -> Node:
+    """A second node in the namespace of a node, for subscriptions that no executor serves."""
+    return rclpy.create_node(
+        f"{node.get_name()}_{suffix}",
+        namespace=node.get_namespace(),
+        context=node.context,
+        enable_rosout=False,
+        start_parameter_services=False,
+    )
 
 
 def take_messages(subscription: Any, raw: bool = False) -> Iterator[tuple[Any, Any]]:

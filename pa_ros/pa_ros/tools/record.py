@@ -17,7 +17,6 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
-import rclpy
 from pydantic import Field
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -29,7 +28,7 @@ from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.core.errors import ConfigError
 from pa_ros.ros import topics
 from pa_ros.ros.environment import check_namespace
-from pa_ros.ros.executor import spin_until, take_messages
+from pa_ros.ros.executor import node_beside, spin_until, take_messages
 from pa_ros.ros.topics import Topic
 from pa_ros.tools.graph import DISCOVERY_S
 from pa_ros.wire.definitions import installed_types, message_class, message_type, register
@@ -99,13 +98,7 @@ class Recorder:
 
     def __enter__(self) -> Recorder:
         # Its own node: no executor may take the messages before the recorder's thread does.
-        self._reader = rclpy.create_node(
-            f"{self._node.get_name()}_recorder",
-            namespace=self._node.get_namespace(),
-            context=self._node.context,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
+        self._reader = node_beside(self._node, "recorder")
         try:
             for name, one in self._recorded.items():
                 type_name = message_type(one.type)
