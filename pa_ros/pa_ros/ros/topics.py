@@ -24,10 +24,13 @@ from msgs_schema import msg, srv
 from pa_ros.wire import Message
 
 
-def _reliable(depth: int, latched: bool = False) -> QoSProfile:
+def quality(
+    depth: int, latched: bool = False, reliable: bool = True, keep_all: bool = False
+) -> QoSProfile:
+    """A quality of service; `latched`: late subscribers receive the newest messages, too."""
     return QoSProfile(
-        reliability=ReliabilityPolicy.RELIABLE,
-        history=HistoryPolicy.KEEP_LAST,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        history=HistoryPolicy.KEEP_ALL if keep_all else HistoryPolicy.KEEP_LAST,
         depth=depth,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )
@@ -35,23 +38,21 @@ def _reliable(depth: int, latched: bool = False) -> QoSProfile:
 
 # In lockstep at most three messages of a topic are under way, so a depth of 100 loses none.
 # KEEP_ALL would let a subscriber that hangs block the arm.
-STEP = _reliable(depth=100)
-LATCHED = _reliable(depth=1, latched=True)
+STEP = quality(depth=100)
+LATCHED = quality(depth=1, latched=True)
 # A latched topic may have several publishers: a late subscriber needs the last message of each.
-LATCHED_READER = _reliable(depth=100, latched=True)
+LATCHED_READER = quality(depth=100, latched=True)
 # A lost trajectory would be a gap in the experience: KEEP_ALL never drops one.
-EXPERIENCE = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_ALL, depth=1
-)
+EXPERIENCE = quality(depth=1, keep_all=True)
 # Not 1: with policy_lag 1 an agent acts with the version before the newest, so a late agent needs
 # both.
-POLICY = _reliable(depth=4, latched=True)
+POLICY = quality(depth=4, latched=True)
 
 # Pictures are large, and soon out of date.
-PICTURE = _reliable(depth=2)
+PICTURE = quality(depth=2)
 
 # Deep enough to answer all requests that arrive at once; ROS's default of 10 loses the others.
-SERVICE = _reliable(depth=10_000)
+SERVICE = quality(depth=10_000)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Final
 from pydantic import Field
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from pa_ros.bags.errors import BagError
 from pa_ros.bags.reader import Bag, Recorded
@@ -253,11 +253,6 @@ def _profile(bag: Bag, name: str, keep_all: bool = False) -> QoSProfile:
     reliable = all(one.reliability.name != "BEST_EFFORT" for one in offered)
     latched = all(one.durability.name == "TRANSIENT_LOCAL" for one in offered)
     every = keep_all or any(one.history.name == "KEEP_ALL" for one in offered)
-    return QoSProfile(
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-        # A latched publisher that kept all of its messages would hold the whole bag in memory.
-        history=HistoryPolicy.KEEP_ALL if every and reliable and not latched
-        else HistoryPolicy.KEEP_LAST,
-        depth=max([1, *(one.depth for one in offered)]),
-    )  # fmt: skip
+    depth = max([1, *(one.depth for one in offered)])
+    # A latched publisher that kept all of its messages would hold the whole bag in memory.
+    return topics.quality(depth, latched, reliable, keep_all=every and reliable and not latched)

@@ -19,7 +19,7 @@ from typing import Any, Final
 
 from pydantic import Field
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosReliability
 
 from pa_ros.bags.errors import BagError, BagFullError
@@ -238,12 +238,9 @@ def reader_qos(profile: QoSProfile) -> QoSProfile:
     weights, so a hundred are enough.
     """
     latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    return QoSProfile(
-        reliability=profile.reliability,
-        durability=profile.durability,
-        history=HistoryPolicy.KEEP_LAST if latched else HistoryPolicy.KEEP_ALL,
-        depth=max(profile.depth, topics.LATCHED_READER.depth),
-    )
+    reliable = profile.reliability == ReliabilityPolicy.RELIABLE
+    depth = max(profile.depth, topics.LATCHED_READER.depth)
+    return topics.quality(depth, latched, reliable, keep_all=not latched)
 
 
 def offered_qos(profile: QoSProfile) -> Qos:
@@ -304,10 +301,5 @@ def _other_topic(node: Node, name: str) -> Topic:
     profiles = [info.qos_profile for info in found]
     reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
     latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
-    profile = QoSProfile(
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-        history=HistoryPolicy.KEEP_LAST,
-        depth=topics.STEP.depth,
-    )
+    profile = topics.quality(topics.STEP.depth, latched, reliable)
     return Topic(name, message_class(found[0].topic_type), profile, profile)
