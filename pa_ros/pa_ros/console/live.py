@@ -50,14 +50,14 @@ class LiveConsole:
     def __init__(self, node: Node, sampled: Node, page: Page, namespace: str) -> None:
         """`sampled` is a node that nobody spins (see Sampler)."""
         self._node, self._sampled, self._page = node, sampled, page
+        # What controls asked for, to be done in the node's thread.
         self._todo: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
         self._refusals = Refusals(node.get_logger().warning)
         self._figures, self._history = GraphFigures(), History()
         watch_diagnostics(node, self._figures)
         self._serial, self._began = count(), time.monotonic()
         self._surveyed = self._plotted = self._drawn = -SURVEY_S
-        self._sampler: Sampler | None = None  # of steps
-        self._pictures: Sampler | None = None
+        self._samplers: tuple[Sampler, ...] = ()  # of steps and of pictures; empty: at rest
         self._open: list[Any] = []  # subscriptions in the arena's namespace
         self._weights: AgentWeights
         self._arms: dict[str, Arm] = {}  # by namespace
@@ -75,10 +75,6 @@ class LiveConsole:
     def blocks(self) -> tuple[tuple[str, tuple[float, float, float]], ...]:
         """The blocks' names, and where each is (m)."""
         return self._page.scene.places
-
-    def do(self, act: Callable[[], object]) -> None:
-        """Run `act` in the node's thread; errors are counted and logged."""
-        self._todo.put(act)
 
     def ask(self, name: str, act: Callable[[Arm], object]) -> None:
         """Send a request to the arena from another thread; `asked` shows its outcome."""
@@ -99,11 +95,11 @@ class LiveConsole:
 
     def send(self, text: str) -> None:
         """Send a program."""
-        self.do(lambda: self._send(text))
+        self._todo.put(lambda: self._send(text))
 
     def choose(self, namespace: str) -> None:
         """Show another arena on all pages."""
-        self.do(lambda: self._choose(namespace))
+        self._todo.put(lambda: self._choose(namespace))
 
     def tick(self, pages: int) -> None:
         """Do what controls asked for, then draw the newest step if a page is open."""
@@ -122,8 +118,12 @@ class LiveConsole:
             return
         self._drawn = now
         self._weights.refresh()
-        self._draw((self._sampler or self._subscribe(lockstep)).take())
-        self._show_picture()
+        if not self._samplers:
+            self._subscribe(lockstep)
+        steps, pictures = self._samplers
+        self._draw(steps.take())
+        for message in pictures.take():
+            self._refusals.guard("picture", self._show_picture)(message)
         asked = markup.quiet(self.asked) if self.asked else ""
         self._page.set_panel("History", self._history.html() + asked)
         if now - self._plotted > FIGURES_S:
@@ -139,23 +139,21 @@ class LiveConsole:
         if missing and self.arenas and self.arenas == before:
             self._follow(self.arenas[0])
 
-    def _subscribe(self, lockstep: bool) -> Sampler:
+    def _subscribe(self, lockstep: bool) -> None:
         """Subscribe to steps; in lockstep to the few that the arena samples, if it does."""
         samples = SAMPLES.within(f"/{self._namespace}").name
         sampled = lockstep and self._node.count_publishers(samples) > 0
         steps = (LOCKSTEP_DEPTH, SAMPLES) if sampled else (DEPTH, OBJECT_FEATURES)
-        self._sampler = Sampler(self._sampled, self._namespace, *steps)
-        self._pictures = Sampler(self._sampled, self._namespace, 1, CAMERA_TRACKS)
-        return self._sampler
+        self._samplers = tuple(
+            Sampler(self._sampled, self._namespace, depth, topic)
+            for depth, topic in (steps, (1, CAMERA_TRACKS))
+        )
 
     def _rest(self) -> None:
         """Unsubscribe from everything that is large or frequent."""
-        if self._sampler is not None:
-            self._sampler.close()
-            self._sampler = None
-        if self._pictures is not None:
-            self._pictures.close()
-            self._pictures = None
+        for sampler in self._samplers:
+            sampler.close()
+        self._samplers = ()
         self._weights.rest()
 
     def _choose(self, namespace: str) -> None:
@@ -221,14 +219,10 @@ class LiveConsole:
         self._history.add(program_id, program)
         self.ask("send", lambda arm: arm.send(program, program_id))
 
-    def _show_picture(self) -> None:
-        """Show what an arena that sees, or camera_node, found in its newest picture."""
-        for message in self._pictures.take() if self._pictures is not None else ():
-            try:
-                _, picture = decode_image(message)
-                self._page.show_picture(picture)
-            except PaError as error:
-                self._refusals.refuse("picture", error)
+    def _show_picture(self, message: Message) -> None:
+        """Show what an arena that sees, or camera_node, found in a picture."""
+        _, picture = decode_image(message)
+        self._page.show_picture(picture)
 
     def _draw(self, messages: list[Message]) -> None:
         """Follow executions through all steps, and draw the newest."""
