@@ -64,20 +64,7 @@ def export_lerobot(
     if folder.exists():
         raise BagError(f"export: {folder} already exists: name another folder")
     fps = _frames_per_second(arena)
-    wanted = [episode for episode in found if numbers is None or episode.number in numbers]
-    if missing := sorted(set(numbers or ()) - {episode.number for episode in wanted}):
-        raise BagError(f"export: the bag does not contain episodes {missing}")
-    chosen, cut = list[RecordedEpisode](), list[int]()
-    for episode in wanted:
-        parts = _parts(episode)
-        chosen += parts
-        if [len(part.rows) for part in parts] != [len(episode.rows)]:
-            cut.append(episode.number)
-    if not chosen:
-        raise BagError(
-            f"export: expected steps with actions, got none in episodes {cut}",
-            code="bag.foreign",
-        )
+    chosen, cut = _chosen(found, numbers)
     objects = max(len(row.seen.objects) for episode in chosen for row in episode.rows)
     programs = dict.fromkeys(row.step.program for episode in chosen for row in episode.rows)
     tasks = {program: k for k, program in enumerate(programs)}
@@ -131,6 +118,25 @@ def export_lerobot(
     }
     write_whole(folder / "meta/info.json", json.dumps(about, indent=1))
     return Written(len(chosen), start, tuple(cut))
+
+
+def _chosen(
+    found: Iterable[RecordedEpisode], numbers: Collection[int] | None
+) -> tuple[list[RecordedEpisode], list[int]]:
+    """The wanted episodes' whole parts, and the numbers of episodes that are not whole."""
+    wanted = [episode for episode in found if numbers is None or episode.number in numbers]
+    if missing := sorted(set(numbers or ()) - {episode.number for episode in wanted}):
+        raise BagError(f"export: the bag does not contain episodes {missing}")
+    chosen, cut = list[RecordedEpisode](), list[int]()
+    for episode in wanted:
+        parts = _parts(episode)
+        chosen += parts
+        if [len(part.rows) for part in parts] != [len(episode.rows)]:
+            cut.append(episode.number)
+    if not chosen:
+        text = f"export: expected steps with actions, got none in episodes {cut}"
+        raise BagError(text, code="bag.foreign")
+    return chosen, cut
 
 
 def _frames_per_second(arena: ArenaDescription) -> int:
