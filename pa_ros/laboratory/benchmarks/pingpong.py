@@ -75,9 +75,7 @@ def measure_round_trips(
 
     answering = _bare(topics.JOINT_COMMANDS).subscribe(node, receive)
     spin_until(
-        node,
-        lambda: asking.get_subscription_count() and answering.get_publisher_count(),
-        timeout_s,
+        node, lambda: asking.get_subscription_count() and answering.get_publisher_count(), timeout_s
     )
     spin_until(node, lambda: False, SETTLE_S)  # until the other side has discovered us too
     asking.publish(question)

@@ -118,12 +118,7 @@ def _curve(axes: Axes, scores: Scores, label: str, color: str) -> None:
 def _finish(figure: Figure, axes: Axes, title: str, score: str = NORMALIZED) -> None:
     """Add scales, the level that counts as solved, and the legend."""
     axes.axhline(SOLVED, color="grey", linestyle=":", linewidth=1, label=f"{SOLVED}: solved")
-    axes.set(
-        xlabel="frames (control steps)",
-        ylabel=_SCORES[score],
-        ylim=(-0.1, 1.05),
-        title=title,
-    )
+    axes.set(xlabel="frames (control steps)", ylabel=_SCORES[score], ylim=(-0.1, 1.05), title=title)
     axes.title.set_fontsize(10)
     axes.xaxis.set_major_locator(MaxNLocator(6))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda frames, _: f"{frames:,.0f}"))

@@ -8,21 +8,10 @@ from typing import Any
 
 from laboratory.studies.detectors import Accuracy, detector_table
 from laboratory.studies.equalities import Difference, difference_table
-from laboratory.studies.generalization import (
-    ConditionRow,
-    Summary,
-    generalize,
-    setting,
-    summarize,
-)
+from laboratory.studies.generalization import ConditionRow, Summary, generalize, setting, summarize
 from laboratory.studies.generalization_figures import detector_figure, generalization_figure
 from laboratory.studies.learning_figures import algorithms_figure, variants_figure
-from laboratory.studies.tables import (
-    read_rows,
-    read_setting,
-    write_rows,
-    write_setting,
-)
+from laboratory.studies.tables import read_rows, read_setting, write_rows, write_setting
 from laboratory.studies.variants import compare
 from pa_ros.agents import TrainedAgent
 
