@@ -1,16 +1,13 @@
-"""The driver of evaluation/test_cluster.py, on one of its hosts: small seeds trained and scored."""
+"""The driver of evaluation/test_cluster.py, on one of its hosts: small seeds are trained."""
 
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 from helpers.waiting import wait_for
-from laboratory.studies.cluster import Cluster, score_on, train_seeds_on
+from laboratory.studies.cluster import Cluster, train_seeds_on
 from laboratory.studies.experiments import EXPERIMENTS
-from laboratory.studies.seeds import folder_of
 
-EPISODES = 1
-CONDITIONS = ("eval", "random")
 SEEDS = (0, 1)
 SMALL = replace(
     EXPERIMENTS["programmable-2L"], frames=2000, evaluate_every_frames=500, evaluation_episodes=1
@@ -25,8 +22,6 @@ def main(address: str, folder: Path, ended: Path) -> None:
         with Cluster(address) as cluster:
             wait_for(lambda: len(ray.nodes()) == 2, "both nodes")
             train_seeds_on(cluster, SMALL, SEEDS, folder / "runs")
-            runs = {seed: folder_of(folder / "runs", seed) for seed in SEEDS}
-            score_on(cluster, runs, folder / "scores", EPISODES, CONDITIONS)
         status = "0"
     finally:
         ended.write_text(status)

@@ -4,16 +4,14 @@ import socket
 import sys
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from laboratory.studies import cluster
-from laboratory.studies.cluster import SeedJob, score_on
+from laboratory.studies.cluster import SeedJob
 from laboratory.studies.experiments import EXPERIMENTS, Experiment, run_seed
-from laboratory.studies.generalization import generalize
 from laboratory.studies.seeds import folder_of, train_seeds
 from laboratory.studies.tables import CURVE, EvaluationError, frames_done
 from pa_ros.agents import load_agent
@@ -71,18 +69,6 @@ def on_this_machine(ray: LocalRay | None = None) -> cluster.Cluster:
     return local
 
 
-def test_scores_of_a_cluster_are_those_of_this_machine(tmp_path) -> None:
-    runs = dict.fromkeys((0, 1), Path("shipped:2-L"))
-    conditions = ("eval", "random")
-    score_on(on_this_machine(), runs, tmp_path / "there", 1, conditions)
-    agents = {seed: load_agent(run) for seed, run in runs.items()}
-    here = generalize(agents, tmp_path / "here", 1, conditions, lambda line: None)
-    files = sorted(p.relative_to(tmp_path / "here") for p in (tmp_path / "here").rglob("*.csv"))
-    assert len(here) == 4 and len(files) == 13
-    for name in files:
-        assert (tmp_path / "there" / name).read_text() == (tmp_path / "here" / name).read_text()
-
-
 def test_a_lost_part_is_repeated_and_a_failed_seed_does_not_stop_the_others(tmp_path) -> None:
     messages: list[str] = []
     ray = LocalRay()
@@ -112,7 +98,7 @@ def test_a_part_ends_at_the_next_checkpoint(tmp_path, monkeypatch, done, until) 
     monkeypatch.setattr(cluster, "frames_saved", lambda _: done)
     monkeypatch.setattr(Experiment, "checkpoint_every_frames", 100)
     part: Any = SeedJob(replace(SMALL, frames=390, evaluate_every_frames=195), 0, tmp_path).part()
-    assert part.work.keywords == {"until": until}
+    assert part.train.keywords == {"until": until}
 
 
 def test_on_one_machine_too_a_failed_seed_does_not_stop_the_others(tmp_path, capsys) -> None:
@@ -139,6 +125,7 @@ def test_a_cluster_that_cannot_be_used_is_one_line(capsys, monkeypatch, tmp_path
     with socket.create_server(("127.0.0.1", 0)) as nobody:
         free = "{}:{}".format(*nobody.getsockname())
     assert f"got '{free}': [Errno 111]" in rejected(capsys, free)
+    assert "expected training, got the study detectors" in rejected(capsys, free, "detectors")
 
 
 def test_without_ray_the_error_names_its_extra(capsys, monkeypatch, tmp_path):
@@ -149,4 +136,4 @@ def test_without_ray_the_error_names_its_extra(capsys, monkeypatch, tmp_path):
 
 def test_a_node_with_other_software_is_rejected():
     with pytest.raises(EvaluationError, match="expected python 2 on every node"):
-        cluster.do_part(cluster.Part(print, lambda _: {}, {}), "python 2", ())
+        cluster.do_part(cluster.Part(print, {}), "python 2", ())

@@ -62,8 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--cluster", metavar="HOST:PORT",
-        help="train seeds, or score the agents of generalization, on the Ray cluster with this "
-        "head, as many at a time as it has processors (processes on this machine)",
+        help="train seeds on the Ray cluster with this head, as many at a time as it has "
+        "processors (processes on this machine)",
     )  # fmt: skip
     add_results(parser)
 
@@ -95,6 +95,8 @@ def run(options: argparse.Namespace) -> int:
     logging.basicConfig(level=logging.WARNING, format="%(message)s")
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     if options.name in STUDIES:
+        if options.cluster is not None:
+            raise ConfigError(f"--cluster: expected training, got the study {options.name}")
         return _study(options, seeds)
     if options.logic != MIN_MAX.name:
         raise ConfigError(
@@ -224,7 +226,6 @@ def _compare(results: Path) -> int:
 def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
     """Evaluate trained seeds."""
     from laboratory.studies import results
-    from laboratory.studies.cluster import Cluster, score_on
     from laboratory.studies.seeds import folder_of
     from pa_ros.agents import load_agent
     from pa_ros.learning.folder import holds_checkpoint
@@ -247,9 +248,6 @@ def _study(options: argparse.Namespace, seeds: Sequence[int]) -> int:
     elif options.name == "equalities":
         results.equalities(agents, options.results, suffix=suffix)
     else:
-        if options.cluster is not None:  # the cluster computes the scores that are read below
-            with Cluster(options.cluster, options.extension) as cluster:
-                score_on(cluster, runs, scores, conditions=options.conditions, logic=logic)
         for row in results.generalization(
             agents, options.results, scores, suffix=suffix, conditions=options.conditions
         ):

@@ -1,7 +1,7 @@
-"""Training and scoring on a Ray cluster (the extra `cluster`).
+"""Training on a Ray cluster (the extra `cluster`).
 
-A job is done in parts. This process keeps what every part starts from, so a lost node costs no more
-than the part that it worked on. Files travel as bytes; nodes keep nothing.
+A seed is trained in parts. This process keeps what every part starts from, so a lost node costs no
+more than the part that it worked on. Files travel as bytes; nodes keep nothing.
 """
 
 from __future__ import annotations
@@ -16,20 +16,16 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from laboratory.studies.experiments import Experiment, frames_saved, run_seed
-from laboratory.studies.generalization import generalize
-from laboratory.studies.seeds import SeedsProgress, check_failures, folder_of, progress_bar
+from laboratory.studies.seeds import SeedsProgress, check_failures, folder_of
 from laboratory.studies.tables import CURVE, EvaluationError
-from pa_ros.agents import load_agent
 from pa_ros.core import extensions
 from pa_ros.core.errors import PaError
+from pa_ros.core.files import written_beside
 from pa_ros.core.software import versions
-from pa_ros.evaluation.conditions import conditions_of
-from pa_ros.language import MIN_MAX, Logic
 from pa_ros.learning.checkpoint_files import LATEST, find_checkpoint, remove_older
-from pa_ros.learning.checkpoints import ACTING
 from pa_ros.learning.folder import checkpoint_of, claim, holds_checkpoint
 
 Files = Mapping[str, bytes]
@@ -39,31 +35,14 @@ CODE = "evaluation.cluster"
 REFRESH_S = 1.0
 ANSWER_S = 5.0  # for the head to accept a connection
 LOSSES = 5  # of one part in a row; then the job is given up
-SCORES = "scores"
 
 
 @dataclass(frozen=True)
 class Part:
-    """Work for a node in a folder that holds `files`; `keep` picks the files to send back."""
+    """Training for a node, in a folder that holds `files`."""
 
-    # Functions of modules, so that nodes import them.
-    work: Callable[[Path], object]
-    keep: Callable[[Path], Files]
+    train: Callable[[Path], object]  # a function of a module, so that nodes import it
     files: Files
-
-
-class Job(Protocol):
-    """Something to do in parts, one after another."""
-
-    @property
-    def name(self) -> str:
-        """Its name in messages."""
-
-    def part(self) -> Part | None:
-        """The next part, from what has been received so far; None when all is done."""
-
-    def receive(self, files: Files) -> None:
-        """Store the files of a finished part."""
 
 
 class Cluster:
@@ -93,7 +72,7 @@ class Cluster:
         self._ray.shutdown()  # this also cancels what is still running
 
     def run(
-        self, jobs: Iterable[Job], progress: Callable[[], None], log: Callable[[str], None]
+        self, jobs: Iterable[SeedJob], progress: Callable[[], None], log: Callable[[str], None]
     ) -> None:
         """Do all jobs, as many at a time as the cluster has processors.
 
@@ -105,7 +84,7 @@ class Cluster:
         task = self._ray.remote(num_cpus=1, max_retries=0)(do_part)
         software, lost = versions(), dict[str, int]()
         failures: dict[str, PaError] = {}
-        running: dict[Any, Job] = {}
+        running: dict[Any, SeedJob] = {}
         waiting = deque(jobs)
         while waiting or running:
             processors = int(self._ray.cluster_resources().get("CPU", 0))
@@ -138,7 +117,7 @@ class Cluster:
             progress()
         check_failures(failures)
 
-    def _receive(self, reference: Any, job: Job) -> None:
+    def _receive(self, reference: Any, job: SeedJob) -> None:
         """Store what a part returned. Raises _LostNode, or the error that the part raised."""
         errors = self._ray.exceptions
         try:
@@ -167,8 +146,8 @@ def do_part(part: Part, software: str, extended: Sequence[str]) -> dict[str, byt
     with tempfile.TemporaryDirectory(prefix="pa-ros-part-") as name:
         folder = Path(name)
         write_files(folder, part.files)
-        part.work(folder)
-        return dict(part.keep(folder))
+        part.train(folder)
+        return dict(run_files(folder))
 
 
 def read_files(root: Path, paths: Iterable[Path]) -> Files:
@@ -179,12 +158,9 @@ def read_files(root: Path, paths: Iterable[Path]) -> Files:
 def write_files(root: Path, files: Files) -> None:
     """Write files below `root` in order, each whole or not at all."""
     for name, content in files.items():
-        path = root / name
-        path.parent.mkdir(parents=True, exist_ok=True)
         # This process may be killed at any moment, and a later one continues from these files.
-        unfinished = path.with_name(f".{path.name}.unfinished")
-        unfinished.write_bytes(content)
-        unfinished.replace(path)
+        with written_beside(root / name) as beside:
+            beside.write_bytes(content)
 
 
 def _import_ray() -> Any:
@@ -237,18 +213,21 @@ class SeedJob:
 
     @property
     def name(self) -> str:
+        """Its name in messages."""
         return f"seed {self.seed}"
 
     def part(self) -> Part | None:
+        """The next part, from what has been received so far; None when all is done."""
         done, frames = frames_saved(self.folder), self.experiment.frames
         if done >= frames:
             return None
         every = self.experiment.checkpoint_every_frames
         until = min(frames, (done // every + 1) * every)
-        work = partial(run_seed, self.experiment, self.seed, until=until)
-        return Part(work, run_files, run_files(self.folder))
+        train = partial(run_seed, self.experiment, self.seed, until=until)
+        return Part(train, run_files(self.folder))
 
     def receive(self, files: Files) -> None:
+        """Store the files of a finished part."""
         write_files(self.folder, files)
         root = checkpoint_of(self.folder)
         remove_older(root, find_checkpoint(root).name)
@@ -261,68 +240,3 @@ def run_files(folder: Path) -> Files:
     root = checkpoint_of(folder)
     curve = [path for path in (folder / CURVE,) if path.exists()]
     return read_files(folder, [*sorted(find_checkpoint(root).iterdir()), *curve, root / LATEST])
-
-
-def score_on(
-    cluster: Cluster,
-    runs: Mapping[int, Path],
-    cache: Path,
-    episodes: int = 100,
-    conditions: Sequence[str] = (),
-    logic: Logic = MIN_MAX,
-) -> None:
-    """Score trained seeds and references under conditions (default: every one of their design).
-
-    The scores go into the cache that `generalization.generalize` reads.
-    """
-    names = conditions or conditions_of(load_agent(next(iter(runs.values()))).design)
-    jobs = [ScoreJob(name, runs, cache, episodes, logic) for name in names]
-    with progress_bar() as bar:
-        task = bar.add_task("generalization", total=len(jobs))
-
-        def show() -> None:
-            bar.update(task, completed=sum(job.done for job in jobs))
-
-        cluster.run(jobs, show, partial(bar.console.print, markup=False, soft_wrap=True))
-
-
-@dataclass
-class ScoreJob:
-    """All agents (by seed) and all references under one condition, as one part."""
-
-    name: str  # the condition
-    runs: Mapping[int, Path]
-    cache: Path
-    episodes: int
-    logic: Logic
-    done: bool = False
-
-    def part(self) -> Part | None:
-        if self.done:
-            return None
-        files = dict[str, bytes]()
-        for seed, run in self.runs.items():
-            checkpoint = find_checkpoint(run)
-            files |= {f"{seed}/{name}": (checkpoint / name).read_bytes() for name in ACTING}
-        # Scores that an interrupted study has computed are not computed again.
-        kept = read_files(self.cache, self.cache.rglob(f"{self.name}.csv"))
-        files |= {f"{SCORES}/{path}": content for path, content in kept.items()}
-        work = partial(score_part, tuple(self.runs), self.name, self.episodes, self.logic)
-        return Part(work, score_files, files)
-
-    def receive(self, files: Files) -> None:
-        write_files(self.cache, files)
-        self.done = True
-
-
-def score_part(
-    seeds: Sequence[int], condition: str, episodes: int, logic: Logic, folder: Path
-) -> None:
-    """On a node: score the agents in folders named by their seeds."""
-    agents = {seed: load_agent(folder / str(seed), logic=logic) for seed in seeds}
-    generalize(agents, folder / SCORES, episodes, (condition,), lambda line: None)
-
-
-def score_files(folder: Path) -> Files:
-    """The scores that a node has, by their paths in a cache."""
-    return read_files(folder / SCORES, (folder / SCORES).rglob("*.csv"))

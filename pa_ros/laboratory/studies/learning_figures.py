@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,6 @@ Curves = Mapping[int, Sequence[Mapping[str, float]]]
 """Rows of learning curves, by seed."""
 Scores = Mapping[int, Mapping[float, float]]
 """One score by frames, for each seed."""
-_SEVERAL = ("#268bd2", "#d33682", "#859900", "#b58900")
 _CURVES = (
     ("train_greedy", "training programs", "#b58900"),
     ("eval_greedy", "held-out programs", "#d33682"),
@@ -68,18 +66,6 @@ def learning_figure(table: Path) -> Path:
     picture = table.with_suffix(".png")
     save(figure, picture)
     return picture
-
-
-def algorithms_figure(path: Path, tables: Mapping[str, Path]) -> None:
-    """Draw the held-out scores of several tables; `tables` by the curves' labels."""
-    figure, axes = plt.subplots(figsize=(7, 4.4), layout="constrained")
-    column = f"{_CURVES[1][0]}.{NORMALIZED}"
-    for (label, table), color in zip(tables.items(), cycle(_SEVERAL), strict=False):
-        curves, setting = _read(table)
-        _curve(axes, _scores(curves, column), f"{label}, {len(curves)} seeds, held out", color)
-    title = f"{setting['design']}, {setting['network']}, recipe {setting['recipe']}"
-    _finish(figure, axes, title)
-    save(figure, path)
 
 
 def is_curves(table: Path) -> bool:

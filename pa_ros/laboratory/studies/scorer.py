@@ -13,13 +13,7 @@ from pa_ros.arena import ArenaConfig, Design, ReachTask, scoring_of
 from pa_ros.core import __version__
 from pa_ros.core.experience import Float64, Observation
 from pa_ros.evaluation.blind import BLIND, blind_policy
-from pa_ros.evaluation.evaluate import (
-    EPISODES_SEED,
-    layouts_seed,
-    pursuing,
-    reference_policy,
-    run_episodes,
-)
+from pa_ros.evaluation.evaluate import EPISODES_SEED, pursuing, reference_policy, run_episodes
 from pa_ros.evaluation.scores import EpisodeScore, normalized, rewards
 from pa_ros.perception import task_seen
 
@@ -34,7 +28,6 @@ class Benchmark:
     arena: ArenaConfig
     episodes: int = 100  # in each condition
     seed: int = EPISODES_SEED
-    layouts: str = "shared"  # or "own": of each condition
 
     @property
     def digest(self) -> str:
@@ -57,24 +50,22 @@ class Scorer:
     def __init__(self, benchmark: Benchmark, cache: Path) -> None:
         self.benchmark = benchmark
         self._cache = cache / benchmark.digest
-        self._tasks: dict[tuple[int, str], ReachTask] = {}
+        self._tasks: dict[str, ReachTask] = {}
 
-    def _task(self, condition: str, perception: str = "") -> ReachTask:
+    def _task(self, perception: str = "") -> ReachTask:
         of = self.benchmark
-        seed = layouts_seed(of.seed, condition) if of.layouts == "own" else of.seed
-        key = seed, perception
-        if key not in self._tasks:
-            self._tasks[key] = task_seen(of.arena, of.design, *key)
-        return self._tasks[key]
+        if perception not in self._tasks:
+            self._tasks[perception] = task_seen(of.arena, of.design, of.seed, perception)
+        return self._tasks[perception]
 
     def reference(self, name: str, condition: str) -> list[EpisodeScore]:
         """Scores of one of `evaluate.REFERENCES` or `blind.BLIND`."""
-        task, make = self._task(condition), blind_policy if name in BLIND else reference_policy
+        task, make = self._task(), blind_policy if name in BLIND else reference_policy
         return self._scores(name, condition, lambda: make(task, name), task)
 
     def agent(self, agent: TrainedAgent, condition: str) -> list[EpisodeScore]:
         """Scores of a trained agent that acts greedily."""
-        task = self._task(condition, agent.perception)
+        task = self._task(agent.perception)
         return self._scores(agent.key, condition, lambda: pursuing(task, agent.policy), task)
 
     def normalized(self, condition: str, scores: Sequence[EpisodeScore]) -> float:

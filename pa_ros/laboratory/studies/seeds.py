@@ -100,7 +100,9 @@ class SeedsProgress:
 
     def __init__(self, experiment: Experiment, folders: Sequence[Path]) -> None:
         self._frames, self._curves = experiment.frames, [folder / CURVE for folder in folders]
-        self._bar = progress_bar()
+        share = TextColumn("{task.percentage:3.0f}%")
+        name = TextColumn("{task.description}")
+        self._bar = Progress(name, BarColumn(), share, TimeRemainingColumn())
         self._bar.add_task(experiment.label, total=experiment.frames * len(folders))
 
     def __enter__(self) -> SeedsProgress:
@@ -121,12 +123,6 @@ class SeedsProgress:
     def log(self, line: str) -> None:
         """Print a line above the bar."""
         self._bar.console.print(line, markup=False, soft_wrap=True)
-
-
-def progress_bar() -> Progress:
-    """Share done and time left."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f}%"))
-    return Progress(*columns, TimeRemainingColumn())
 
 
 @contextmanager
