@@ -132,11 +132,7 @@ def _on_one_stage(folder: Path, number: int, part: list[Row], log: Callable[[str
 
 
 def _check_afterwards(
-    stage: Stage,
-    done: list[Cycle],
-    agents: set[str],
-    memory: set[Path],
-    log: Callable[[str], None],
+    stage: Stage, done: list[Cycle], agents: set[str], memory: set[Path], log: Callable[[str], None]
 ) -> None:
     """What can be checked once the graph has ended."""
     if left := orphans(stage.mark):

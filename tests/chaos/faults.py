@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import permutations
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 from chaos.stage import LAUNCHER, NODES, RECORDER, START_S, Stage, StageError
 from pa_ros.learning.checkpoint_files import find_checkpoint
@@ -21,6 +21,7 @@ SECOND_S: Final = 4.0  # that a second process runs beside the first
 GONE_S: Final = 45.0  # in which DDS forgets killed nodes
 LEARNER: Final = "learner_node"
 FILES: Final = ("engine.safetensors", "metadata.json", "replay.safetensors")
+SIGNALS: Final = (signal.SIGKILL, signal.SIGTERM, signal.SIGSTOP)
 UNLIMITED: Final = resource.RLIM_INFINITY
 NO_DIAGNOSTICS: Final = "this process publishes no diagnostics"
 
@@ -52,10 +53,7 @@ def process_faults() -> list[Fault]:
     for name in (*NODES, RECORDER):
         silent = NO_DIAGNOSTICS if name == RECORDER else ""
         faults += [
-            Fault(f"{name}: SIGKILL", _signal(name, signal.SIGKILL), _restart(name), silent=silent),
-            Fault(f"{name}: SIGTERM", _signal(name, signal.SIGTERM), _restart(name), silent=silent),
-            Fault(f"{name}: SIGSTOP 5 s", _signal(name, signal.SIGSTOP),
-                  _signal(name, signal.SIGCONT), STOPPED_S, silent=silent),
+            *(_signalled(name, number, silent=silent) for number in SIGNALS),
             Fault(f"{name}: restart", _restart(name), hold_s=0.0, silent=silent or "too short"),
             Fault(f"{name}: started twice", partial(_start_second, name), _stop(f"{name}-second"),
                   SECOND_S, silent=silent),
@@ -74,13 +72,10 @@ def order_faults() -> list[Fault]:
 
 def executing_faults() -> list[Fault]:
     """An agent that stops sending commands in real time."""
-    name = "agent_node"
     return [
-        Fault("real time, agent_node: SIGKILL", _signal(name, signal.SIGKILL), _restart(name),
-              kind="executing", halts=True),
-        Fault("real time, agent_node: SIGSTOP 5 s", _signal(name, signal.SIGSTOP),
-              _signal(name, signal.SIGCONT), STOPPED_S, kind="executing", halts=True),
-    ]  # fmt: skip
+        _signalled("agent_node", number, "real time, agent_node:", kind="executing", halts=True)
+        for number in (signal.SIGKILL, signal.SIGSTOP)
+    ]
 
 
 def fleet_faults() -> list[Fault]:
@@ -98,8 +93,8 @@ def fleet_faults() -> list[Fault]:
             stage.start(name)
 
     lags = [
-        Fault(f"fleet, an arena lags: its {name} SIGSTOP 5 s", _signal(name, signal.SIGSTOP),
-              _signal(name, signal.SIGCONT), STOPPED_S, "fleet", others_continue=True)
+        _signalled(name, signal.SIGSTOP, f"fleet, an arena lags: its {name}", kind="fleet",
+                   others_continue=True)
         for name in arena
     ]  # fmt: skip
     killed = _each(*(_signal(name, signal.SIGKILL) for name in arena))
@@ -112,8 +107,7 @@ def fleet_faults() -> list[Fault]:
               silent="it is a new incarnation with new sequence numbers", others_continue=True),
         Fault("fleet, the other arena joins late", late, hold_s=0.0, kind="fleet",
               silent="joining late is no trouble"),
-        Fault("fleet, the learner dies: SIGKILL", _signal(LEARNER, signal.SIGKILL),
-              _restart(LEARNER), kind="fleet"),
+        _signalled(LEARNER, signal.SIGKILL, "fleet, the learner dies:", kind="fleet"),
     ]  # fmt: skip
 
 
@@ -123,8 +117,7 @@ def launcher_faults() -> list[Fault]:
     return [
         *(on_launch(f"launcher: {number.name}", _signal(LAUNCHER, number), _launch_again,
                     2 * STOPPED_S, ends_all=True) for number in (signal.SIGKILL, signal.SIGTERM)),
-        on_launch("launcher: SIGSTOP 5 s", _signal(LAUNCHER, signal.SIGSTOP),
-                  _signal(LAUNCHER, signal.SIGCONT), STOPPED_S),
+        _signalled(LAUNCHER, signal.SIGSTOP, kind="launched", silent=NO_DIAGNOSTICS),
         on_launch("launcher: restart", _launch_again, hold_s=0.0),
         on_launch("launcher: started twice", _launch_twice, _stop(f"{LAUNCHER}-second"), 0.0),
         on_launch("launched recorder: SIGKILL", _kill_launched_recorder, _launch_again,
@@ -147,6 +140,15 @@ def disk_faults() -> list[Fault]:
                 hold_s=0.0, damages=1, ready=lambda stage: len(stage.versions()) > 1)
           for text, damage in damages.items() for name in FILES),
     ]  # fmt: skip
+
+
+def _signalled(name: str, number: signal.Signals, title: str = "", **rest: Any) -> Fault:
+    """A signal to a process, which is woken or started again afterwards."""
+    title, strike = title or f"{name}:", _signal(name, number)
+    if number == signal.SIGSTOP:
+        wake = _signal(name, signal.SIGCONT)
+        return Fault(f"{title} SIGSTOP {STOPPED_S:.0f} s", strike, wake, STOPPED_S, **rest)
+    return Fault(f"{title} {number.name}", strike, _restart(name), **rest)
 
 
 def _each(*acts: Act) -> Act:

@@ -42,17 +42,16 @@ def positive(report: Report) -> bool:
 
 def test_a_pingpong_of_fixed_work(monkeypatch):
     monkeypatch.setattr(graph, "SECONDS", 0.1)
-    assert graph.pingpong(work=True) > 0
+    assert graph.pingpong() > 0
 
 
 def test_the_share_of_the_fixed_pingpong_falls_with_the_rate(monkeypatch):
     rates = {graph.RATE: 2000.0, graph.ARENA: 100.0, graph.POLICY: 50.0}
     monkeypatch.setattr(graph, "lockstep", lambda *_, **__: dict(rates))
-    monkeypatch.setattr(graph, "pingpong", lambda work=False: 4000.0 if work else 5000.0)
+    monkeypatch.setattr(graph, "pingpong", lambda: 4000.0)
     monkeypatch.setattr(graph, "use_free_domain", lambda: None)
     found = graph.run(Namespace(rounds=1))
-    assert found["graph.of_fixed_pingpong"] == 0.5 and found["graph.step_us"] == 500.0
-    assert found["graph.nodes_us"] == 500.0 - 100.0 - 50.0 - 200.0
+    assert found["graph.of_fixed_pingpong"] == 0.5 and found[graph.FIXED] == 4000.0
 
 
 @pytest.mark.skipif(not find_spec("cv2"), reason="the extra `camera` is not installed")
@@ -89,13 +88,13 @@ def running(learning, monkeypatch):
         for place, values in parameters.items():
             CONFIGS[place.rpartition("/")[2]](**values)
 
-    for benchmark in (fleet, graph, latency, train):
+    for benchmark in (graph, latency):
         monkeypatch.setattr(benchmark, "start_nodes", start)
     monkeypatch.setattr(train, "use_free_domain", lambda: None)
 
 
 def test_latencies_of_commands_and_programs(running):
-    assert positive(latency.measure("real_time", 0.1, 0.01, training=False))
+    assert positive(latency.measure("real_time", 0.1, 0.01))
 
 
 def test_steps_per_second_of_a_graph(running, monkeypatch):

@@ -83,7 +83,6 @@ def test_algorithms_are_compared_but_are_no_variants(tmp_path: Path) -> None:
     assert (ours.changed, ours.frames_to_solve) == ("dpg", 5000)
     assert (other.label, other.changed) == ("programmable-2L.td3", "td3")
     assert (other.seeds, other.solved, other.frames_to_solve) == (2, 2, 7500)
-    assert path.with_suffix(".png").stat().st_size > 5000
     with pytest.raises(EvaluationError, match="expected programmable-2L and a variant"):
         write_variants("programmable-2L", tmp_path)
 

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import argparse
 import statistics
-import tempfile
 import time
-from pathlib import Path
+from functools import partial
 
+from laboratory.benchmarks.graph import run_graph
 from pa_ros.acting.executing import Actor
 from pa_ros.arena import design_named, preset_named
-from pa_ros.core.errors import PaError
 from pa_ros.core.experience import PolicySnapshot
 from pa_ros.core.text import Report
 from pa_ros.evaluation.evaluate import TrainingScores
 from pa_ros.ros.topics import POLICY_WEIGHTS
-from pa_ros.tools.client import client_node
 from pa_ros.tools.domain import use_free_domain
-from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import Parameters, fleet, in_step
-from pa_ros.tools.launcher import Supervisor
-from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
+from pa_ros.tools.monitor import GraphFigures
 from pa_ros.wire import Message
 from pa_ros.wire.learning import decode_weights
 
@@ -58,9 +54,6 @@ def run(options: argparse.Namespace) -> Report:
         report[f"fleet.reached_{arenas}"] = len(reached)
         if reached:
             report[f"fleet.seconds_{arenas}"] = statistics.median(reached)
-            if "fleet.seconds_1" in report:
-                once = report["fleet.seconds_1"] / report[f"fleet.seconds_{arenas}"]
-                report[f"fleet.speedup_{arenas}"] = once
     return report
 
 
@@ -80,7 +73,6 @@ def measure(
     arenas: int, seed: int, scores: TrainingScores, compose: bool
 ) -> tuple[float, float | None]:
     """Frames per second of one run, and seconds until GOAL (None: not within FRAMES)."""
-    figures = GraphFigures()
     policies: dict[int, tuple[float, PolicySnapshot]] = {}
     marks: list[tuple[float, float]] = []  # s, frames
 
@@ -90,7 +82,7 @@ def measure(
         if not policies or version >= max(policies) + SCORED_EVERY:
             policies[version] = policy.stamp_ns * 1e-9, policy.snapshot
 
-    def sample() -> None:
+    def sample(figures: GraphFigures) -> None:
         frames = figures.value("learner_node", "frames") or 0.0
         if frames and (not marks or frames != marks[-1][1]):
             marks.append((time.monotonic(), frames))
@@ -98,13 +90,9 @@ def measure(
     def finished() -> bool:
         return len(marks) > 1 and marks[-1][1] >= FRAMES
 
-    with tempfile.TemporaryDirectory() as name, Supervisor(Path(name)) as supervisor:
-        with client_node("bench") as node:
-            watch_diagnostics(node, figures)
-            POLICY_WEIGHTS.subscribe(node, keep)
-            start_nodes(supervisor, _parameters(arenas, seed), Path(name), compose=compose)
-            if not watch(node, supervisor, sample, finished, TIMEOUT_S):
-                raise PaError(f"fleet: expected {FRAMES} frames in {TIMEOUT_S:g} s, got {marks}")
+    parameters = _parameters(arenas, seed)
+    listen = partial(POLICY_WEIGHTS.subscribe, callback=keep)
+    run_graph(parameters, sample, finished, TIMEOUT_S, compose, listen)
     rate = (marks[-1][1] - marks[0][1]) / (marks[-1][0] - marks[0][0])
     began = policies[min(policies)][0]
 

@@ -7,9 +7,12 @@ import os
 import statistics
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
-from laboratory.benchmarks.pingpong import WORK, measure_round_trips, nothing, physics_and_networks
+from rclpy.node import Node
+
+from laboratory.benchmarks.pingpong import measure_round_trips, physics_and_networks
 from pa_ros.core.errors import PaError
 from pa_ros.core.text import Report
 from pa_ros.tools.client import client_node
@@ -38,10 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> Report:
-    """Medians over rounds; graphs and bare ping-pongs of the same messages take turns.
+    """Medians over rounds; graphs and ping-pongs of the same messages take turns.
 
-    `graph.step_us`, the time of a step, is made up of `arena_us` and `policy_us`, by the nodes' own
-    clocks; `transport_us`, a bare round trip; and `nodes_us`, the rest: encoding, checks, waking.
+    `arena_us` and `policy_us` are parts of a step's time by the nodes' own clocks.
     `of_fixed_pingpong` is the rate as a share of a ping-pong's that computes the physics and the
     networks alone, so it falls if arena, policy or nodes become slower. `composed_steps_per_s` is
     the rate of both nodes in one process; `with_key_of_without` the rate with signed messages as a
@@ -59,19 +61,13 @@ def run(options: argparse.Namespace) -> Report:
             signed = {name: {**values, "auth_key_file": str(key)}
                       for name, values in PARAMETERS.items()}  # fmt: skip
             found["graph.with_key_steps_per_s"] = lockstep(signed)[RATE]
-        found["graph.bare_pingpong_per_s"] = pingpong()
-        found[FIXED] = pingpong(work=True)
+        found[FIXED] = pingpong()
         for name, value in found.items():
             figures.setdefault(name, []).append(value)
     middle = {name: statistics.median(values) for name, values in figures.items()}
-    step_us = 1e6 / middle[RATE]
-    bare_us = 1e6 / middle["graph.bare_pingpong_per_s"]
     return {
         **middle,
         "graph.with_key_of_without": middle["graph.with_key_steps_per_s"] / middle[RATE],
-        "graph.step_us": step_us,
-        "graph.transport_us": bare_us,
-        "graph.nodes_us": step_us - middle[ARENA] - middle[POLICY] - bare_us,
         "graph.of_fixed_pingpong": middle[RATE] / middle[FIXED],
         "graph.rounds": options.rounds,
     }
@@ -80,30 +76,47 @@ def run(options: argparse.Namespace) -> Report:
 def lockstep(parameters: Parameters, compose: bool = False) -> dict[str, float]:
     """Steps per second, and the arena's and the policy's time in a step, of one fresh graph."""
     samples: list[dict[str, float]] = []
-    figures = GraphFigures()
 
-    def sample() -> None:
+    def sample(figures: GraphFigures) -> None:
         found = {name: figures.value(*source) or 0.0 for name, source in SOURCES.items()}
         if found[RATE] and found[POLICY] and found not in samples[-1:]:
             samples.append(found)
 
     wanted = 2 + int(SECONDS)  # the first two are partly of the start
-    with tempfile.TemporaryDirectory() as folder, Supervisor(Path(folder)) as supervisor:
-        with client_node("bench") as node:
-            watch_diagnostics(node, figures)
-            start_nodes(supervisor, parameters, Path(folder), compose=compose)
-            if not watch(node, supervisor, sample, lambda: len(samples) >= wanted, TIMEOUT_S):
-                raise PaError(f"graph: expected steps within {TIMEOUT_S:g} s, got too few")
+    run_graph(parameters, sample, lambda: len(samples) >= wanted, TIMEOUT_S, compose)
     return {name: statistics.median(s[name] for s in samples[2:]) for name in SOURCES}
 
 
-def pingpong(work: bool = False) -> float:
-    command = [sys.executable, "-m", "laboratory.benchmarks.pingpong", *([WORK] if work else [])]
-    advance = physics_and_networks()[0] if work else nothing
+def run_graph(
+    parameters: Parameters,
+    sample: Callable[[GraphFigures], None],
+    finished: Callable[[], bool],
+    timeout_s: float,
+    compose: bool = False,
+    listen: Callable[[Node], object] = lambda node: None,
+) -> None:
+    """Run a fresh graph, and sample its figures again and again, until `finished`.
+
+    `listen` subscribes before the graph starts. Raises PaError if it takes longer than `timeout_s`.
+    """
+    figures = GraphFigures()
+    with tempfile.TemporaryDirectory() as folder, Supervisor(Path(folder)) as supervisor:
+        with client_node("bench") as node:
+            watch_diagnostics(node, figures)
+            listen(node)
+            start_nodes(supervisor, parameters, Path(folder), compose=compose)
+            if not watch(node, supervisor, lambda: sample(figures), finished, timeout_s):
+                raise PaError(f"graph: expected its figures within {timeout_s:g} s, got too few")
+
+
+def pingpong() -> float:
+    """Round trips per second with a process that only answers."""
+    command = [sys.executable, "-m", "laboratory.benchmarks.pingpong"]
+    physics, _ = physics_and_networks()
     with tempfile.TemporaryDirectory() as folder, Supervisor(Path(folder)) as supervisor:
         supervisor.start("pingpong", command)
         with client_node("bench") as node:
-            rate = measure_round_trips(node, SECONDS, TIMEOUT_S, advance)
+            rate = measure_round_trips(node, physics, SECONDS, TIMEOUT_S)
         supervisor.check()
     if rate == 0.0:
         raise PaError(f"ping-pong: expected answers within {TIMEOUT_S:g} s, got none")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import random
-import sys
 import tempfile
 import time
 from dataclasses import dataclass, field
@@ -43,23 +42,21 @@ PERCENTILES = {"p50": 50.0, "p99": 99.0, "p999": 99.9}
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the benchmark's options."""
     parser.add_argument(
-        "--share", type=float, default=1.0, help="of the usual five minutes (%(default)s)"
+        "--share", type=float, default=1.0, help="of the usual two and a half minutes (%(default)s)"
     )
 
 
 def run(options: argparse.Namespace) -> Report:
     """Milliseconds, with an arena and an agent as two processes.
 
-    `training.`: another process learns at the same time. `fast.`: in lockstep, as fast as possible;
-    otherwise at 10 Hz, where a program waits for the next control step.
+    `fast.`: in lockstep, as fast as possible; otherwise at 10 Hz, where a program waits for the
+    next control step.
     """
     use_free_domain()
     report: dict[str, float] = {}
-    for condition in ("", "training."):
-        for rate, mode in RATES.items():
-            seconds = SECONDS[rate] * options.share
-            found = measure(mode, seconds, PAUSE_S[rate], condition != "")
-            report |= {f"{condition}latency.{rate}{name}": value for name, value in found.items()}
+    for rate, mode in RATES.items():
+        found = measure(mode, SECONDS[rate] * options.share, PAUSE_S[rate])
+        report |= {f"latency.{rate}{name}": value for name, value in found.items()}
     return report
 
 
@@ -149,10 +146,8 @@ def _parameters(mode: str) -> Parameters:
     return {"sim_node": scene, "agent_node": policy}
 
 
-def measure(mode: str, seconds: float, pause_s: float, training: bool) -> dict[str, float]:
+def measure(mode: str, seconds: float, pause_s: float) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as name, Supervisor(Path(name)) as supervisor:
-        if training:
-            _train(supervisor, Path(name))
         with client_node("bench") as node:
             prober = Prober(node, pause_s)
             try:
@@ -171,16 +166,3 @@ def _wait_until_obeyed(prober: Prober, node: Node) -> None:
     """Wait until some programs have been obeyed."""
     if not spin_until(node, lambda: len(prober.latencies.programs) >= FEWEST, TIMEOUT_S):
         raise PaError(f"latency: expected commands within {TIMEOUT_S:g} s, got too few")
-
-
-def _train(supervisor: Supervisor, folder: Path) -> None:
-    """Start a process that trains, and wait until it learns."""
-    rows, until = folder / "run" / "progress.csv", time.monotonic() + TIMEOUT_S
-    options = ["--design", "2-L", "--frames", str(10**8), "--out", str(rows.parent)]
-    rarely = ["--eval-every", "1000", "--eval-episodes", "1"]
-    supervisor.start("train", [sys.executable, "-m", "pa_ros", "train", *options, *rarely])
-    while not rows.exists() or len(rows.read_text().splitlines()) < 2:
-        supervisor.check()
-        if time.monotonic() > until:
-            raise PaError(f"latency: expected a learner within {TIMEOUT_S:g} s, got none")
-        time.sleep(0.1)

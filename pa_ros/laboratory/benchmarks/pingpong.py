@@ -1,11 +1,10 @@
 """Ping-pong: the messages of a control step between two processes, without nodes.
 
 An upper bound for the graph: the same types, sizes, quality of service and executor, but no
-encoding (the messages are made once), no checks and no accounting. A bare one computes nothing. In
-one with fixed work, one side steps the physics and the other computes the actor's networks once:
-the least that a control step needs, whatever rules of executing and verifying are added to it. So
-a graph that becomes slower falls behind it. `python -m laboratory.benchmarks.pingpong [--work]` is
-the side that answers.
+encoding (the messages are made once), no checks and no accounting. One side steps the physics and
+the other computes the actor's networks once: the least that a control step needs, whatever rules of
+executing and verifying are added to it. So a graph that becomes slower falls behind it.
+`python -m laboratory.benchmarks.pingpong` is the side that answers.
 """
 
 from __future__ import annotations
@@ -31,7 +30,6 @@ from pa_ros.wire.step import encode_command, encode_step
 
 WARM_UP = 200  # round trips
 SETTLE_S = 0.5
-WORK = "--work"
 
 
 def physics_and_networks() -> tuple[Callable[[], object], Callable[[], object]]:
@@ -47,12 +45,8 @@ def physics_and_networks() -> tuple[Callable[[], object], Callable[[], object]]:
     return step, partial(actor.act, *inputs)
 
 
-def nothing() -> None:
-    """The work of a bare ping-pong."""
-
-
 def measure_round_trips(
-    node: Any, seconds: float, timeout_s: float = 30.0, work: Callable[[], object] = nothing
+    node: Any, work: Callable[[], object], seconds: float, timeout_s: float
 ) -> float:
     """Round trips per second with an answering process, over `seconds`; 0 if no process answers.
 
@@ -75,9 +69,7 @@ def measure_round_trips(
 
     answering = _bare(topics.JOINT_COMMANDS).subscribe(node, receive)
     spin_until(
-        node,
-        lambda: asking.get_subscription_count() and answering.get_publisher_count(),
-        timeout_s,
+        node, lambda: asking.get_subscription_count() and answering.get_publisher_count(), timeout_s
     )
     spin_until(node, lambda: False, SETTLE_S)  # until the other side has discovered us too
     asking.publish(question)
@@ -113,5 +105,5 @@ def _answerer(work: Callable[[], object]) -> Any:
 
 
 if __name__ == "__main__":
-    computes = physics_and_networks()[1] if WORK in sys.argv else nothing
-    sys.exit(run_node("pingpong", partial(_answerer, computes), arguments=()))
+    _, networks = physics_and_networks()
+    sys.exit(run_node("pingpong", partial(_answerer, networks), arguments=()))

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from laboratory.benchmarks.graph import run_graph
 from laboratory.benchmarks.learner import bare_updates, setting
 from laboratory.benchmarks.timing import measure
-from pa_ros.core.errors import PaError
 from pa_ros.core.text import Report
-from pa_ros.tools.client import client_node
 from pa_ros.tools.domain import use_free_domain
-from pa_ros.tools.graph import start_nodes, watch
 from pa_ros.tools.launch_params import load_parameters, merged, packaged
-from pa_ros.tools.launcher import Supervisor
-from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
+from pa_ros.tools.monitor import GraphFigures
 
 SAMPLES = 8  # rates of one graph; the learner publishes one per second
 TIMEOUT_S = 90.0
@@ -55,26 +51,20 @@ def run(options: argparse.Namespace) -> Report:
 
 def _graph_rate() -> float:
     """The median over some seconds of a learning graph, updates per second."""
-    figures, rates = GraphFigures(), [0.0]
+    rates = [0.0]
 
-    def sample() -> None:
+    def sample(figures: GraphFigures) -> None:
         rate = figures.value("learner_node", "updates_per_s") or 0.0
         if rate != rates[-1]:
             rates.append(rate)
 
     # The first rate is 0, and in the next two seconds the learner may still have waited.
     wanted = 3 + SAMPLES
-    with TemporaryDirectory() as name, Supervisor(Path(name)) as supervisor:
-        with client_node("bench") as node:
-            watch_diagnostics(node, figures)
-            changes: dict[str, dict[str, Any]] = {
-                "sim_node": {"eval_every_episodes": 0},
-                "learner_node": {"out": f"{name}/run", "checkpoint_every_frames": 0},
-            }
-            parameters = merged(load_parameters(packaged("train_2l")), changes)
-            start_nodes(supervisor, parameters, Path(name))
-            if not watch(node, supervisor, sample, lambda: len(rates) >= wanted, TIMEOUT_S):
-                raise PaError(
-                    f"train: expected {wanted} rates of the learner in {TIMEOUT_S:g} s, got {rates}"
-                )
+    with TemporaryDirectory() as name:
+        changes: dict[str, dict[str, Any]] = {
+            "sim_node": {"eval_every_episodes": 0},
+            "learner_node": {"out": f"{name}/run", "checkpoint_every_frames": 0},
+        }
+        parameters = merged(load_parameters(packaged("train_2l")), changes)
+        run_graph(parameters, sample, lambda: len(rates) >= wanted, TIMEOUT_S)
     return median(rates[3:])

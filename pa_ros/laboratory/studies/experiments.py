@@ -13,12 +13,7 @@ from typing import Any
 import numpy as np
 
 from laboratory.studies.scorer import Benchmark, Scorer
-from laboratory.studies.tables import (
-    CURVE,
-    write_cells,
-    write_rows,
-    write_setting,
-)
+from laboratory.studies.tables import CURVE, write_cells, write_rows, write_setting
 from pa_ros.agents import camera_of, load_agent, train_agent
 from pa_ros.arena import ArenaConfig, Design, design_named, preset_for, scoring_of
 from pa_ros.arena.skills import NORMALIZED, SUCCESS
@@ -153,10 +148,7 @@ EXPERIMENTS = {
             "forgetting",
             "3-D",
             200_000,
-            options={
-                "learner.relabeling.rule": "none",
-                "learner.replay.capacity_frames": 50_000,
-            },
+            options={"learner.relabeling.rule": "none", "learner.replay.capacity_frames": 50_000},
             switch_frames=100_000,
         ),
         _pushing("push-2"),
@@ -186,11 +178,7 @@ def under_recipe(experiment: Experiment, recipe: str) -> Experiment:
     frames = PAPER_FRAMES[experiment.design[0]]
     switch = frames // 2 if experiment.switch_frames else 0
     return replace(
-        experiment,
-        recipe=recipe,
-        frames=frames,
-        evaluate_every_frames=50_000,
-        switch_frames=switch,
+        experiment, recipe=recipe, frames=frames, evaluate_every_frames=50_000, switch_frames=switch
     )
 
 

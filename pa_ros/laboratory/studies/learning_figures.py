@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,6 @@ Curves = Mapping[int, Sequence[Mapping[str, float]]]
 """Rows of learning curves, by seed."""
 Scores = Mapping[int, Mapping[float, float]]
 """One score by frames, for each seed."""
-_SEVERAL = ("#268bd2", "#d33682", "#859900", "#b58900")
 _CURVES = (
     ("train_greedy", "training programs", "#b58900"),
     ("eval_greedy", "held-out programs", "#d33682"),
@@ -70,18 +68,6 @@ def learning_figure(table: Path) -> Path:
     return picture
 
 
-def algorithms_figure(path: Path, tables: Mapping[str, Path]) -> None:
-    """Draw the held-out scores of several tables; `tables` by the curves' labels."""
-    figure, axes = plt.subplots(figsize=(7, 4.4), layout="constrained")
-    column = f"{_CURVES[1][0]}.{NORMALIZED}"
-    for (label, table), color in zip(tables.items(), cycle(_SEVERAL), strict=False):
-        curves, setting = _read(table)
-        _curve(axes, _scores(curves, column), f"{label}, {len(curves)} seeds, held out", color)
-    title = f"{setting['design']}, {setting['network']}, recipe {setting['recipe']}"
-    _finish(figure, axes, title)
-    save(figure, path)
-
-
 def is_curves(table: Path) -> bool:
     """Whether a CSV file holds learning curves, with the setting beside it."""
     if not (table.is_file() and table.with_suffix(".json").exists()):
@@ -118,12 +104,7 @@ def _curve(axes: Axes, scores: Scores, label: str, color: str) -> None:
 def _finish(figure: Figure, axes: Axes, title: str, score: str = NORMALIZED) -> None:
     """Add scales, the level that counts as solved, and the legend."""
     axes.axhline(SOLVED, color="grey", linestyle=":", linewidth=1, label=f"{SOLVED}: solved")
-    axes.set(
-        xlabel="frames (control steps)",
-        ylabel=_SCORES[score],
-        ylim=(-0.1, 1.05),
-        title=title,
-    )
+    axes.set(xlabel="frames (control steps)", ylabel=_SCORES[score], ylim=(-0.1, 1.05), title=title)
     axes.title.set_fontsize(10)
     axes.xaxis.set_major_locator(MaxNLocator(6))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda frames, _: f"{frames:,.0f}"))

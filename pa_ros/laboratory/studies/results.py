@@ -8,21 +8,10 @@ from typing import Any
 
 from laboratory.studies.detectors import Accuracy, detector_table
 from laboratory.studies.equalities import Difference, difference_table
-from laboratory.studies.generalization import (
-    ConditionRow,
-    Summary,
-    generalize,
-    setting,
-    summarize,
-)
+from laboratory.studies.generalization import ConditionRow, Summary, generalize, setting, summarize
 from laboratory.studies.generalization_figures import detector_figure, generalization_figure
-from laboratory.studies.learning_figures import algorithms_figure, variants_figure
-from laboratory.studies.tables import (
-    read_rows,
-    read_setting,
-    write_rows,
-    write_setting,
-)
+from laboratory.studies.learning_figures import variants_figure
+from laboratory.studies.tables import read_rows, read_setting, write_rows, write_setting
 from laboratory.studies.variants import compare
 from pa_ros.agents import TrainedAgent
 
@@ -104,12 +93,10 @@ def write_variants(name: str, results: Path) -> Path:
 
 
 def write_algorithms(name: str, results: Path) -> Path:
-    """Write `NAME-algorithms.csv` and a picture of the curves; returns the table's path."""
+    """Write `NAME-algorithms.csv`; returns the table's path."""
     rows, _ = compare(name, results, by="algorithm")
     path = results / f"{name}-algorithms.csv"
     write_rows(path, rows)
-    tables = {row.changed: results / f"{row.label}.csv" for row in rows}
-    algorithms_figure(path.with_suffix(".png"), tables)
     return path
 
 

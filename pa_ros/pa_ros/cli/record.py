@@ -11,12 +11,7 @@ from pathlib import Path
 from pa_ros.bags.repair import repair
 from pa_ros.cli.options import add_setting, add_settings, asked, settings_from
 from pa_ros.core.errors import ConfigError
-from pa_ros.tools.record import (
-    Recorder,
-    RecordingOptions,
-    topics_named,
-    topics_of,
-)
+from pa_ros.tools.record import Recorder, RecordingOptions, topics_named, topics_of
 
 EXIT_FAILED = 1
 REFRESH_S = 0.5

@@ -12,13 +12,7 @@ from pa_ros.agents import camera_of, train_agent
 from pa_ros.arena import ArenaChoice, training_programs
 from pa_ros.bags.run_log import RunLog
 from pa_ros.cli import from_bag
-from pa_ros.cli.options import (
-    add_learning,
-    add_setting,
-    add_settings,
-    learning_from,
-    settings_from,
-)
+from pa_ros.cli.options import add_learning, add_setting, add_settings, learning_from, settings_from
 from pa_ros.cli.training_view import TrainingView
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.signals import EXIT_INTERRUPTED, signals_noted
@@ -82,11 +76,7 @@ def run(options: argparse.Namespace) -> int:
         recorded = RunLog(
             options.record, arena, design, seed, programs, parameters, perception=perception
         )
-    with (
-        signals_noted() as interrupted,
-        recorded as run_log,
-        TrainingView(config.frames) as view,
-    ):
+    with signals_noted() as interrupted, recorded as run_log, TrainingView(config.frames) as view:
         learner = train_agent(
             arena,
             design,
