@@ -132,7 +132,7 @@ class Simulation:
         self._control[:] = joint_velocity
         mujoco.mj_step(self.model, self.data, self._substeps)
         # MuJoCo only warns, and after a bad state it restarts the episode by itself.
-        if self._warnings.any():
+        if np.count_nonzero(self._warnings):
             self._placed = False
             kind = mujoco.mjtWarning(int(self._warnings.argmax())).name
             raise PhysicsError(f"the physics of this episode is void: MuJoCo warns of {kind}")
@@ -142,25 +142,26 @@ class Simulation:
         """Object features [N, F], the hand's first, with poses in the hand's frame."""
         objects = self._template.copy()
         position, quaternion = self._position, self._quaternion
-        objects[1:, :3] = (position[1:] - position[0]) @ self._rotation.reshape(3, 3)
-        relative = quaternion[1:] @ (quaternion[0][_ENTRY] * _SIGN)  # [n, 4] xyzw
+        # Of matrices this small, `dot` takes half the time of `@`.
+        objects[1:, :3] = (position[1:] - position[0]).dot(self._rotation)
+        relative = quaternion[1:].dot(quaternion[0][_ENTRY] * _SIGN)  # [n, 4] xyzw
         objects[1:, 3:7] = relative * np.copysign(1.0, relative[:, 3:])  # qw >= 0
         return objects
 
     @property
     def joint_position(self) -> Float64:
         """Joint positions [J], rad; a copy."""
-        return np.array(self._arm_position)
+        return self._arm_position.copy()
 
     @property
     def joint_velocity(self) -> Float64:
         """Joint velocities [J], rad/s; a copy."""
-        return np.array(self._arm_velocity)
+        return self._arm_velocity.copy()
 
     @property
     def positions(self) -> Float64:
         """Positions of hand and blocks in the table's frame, [N, 3] m; a copy."""
-        return np.array(self._position)
+        return self._position.copy()
 
     @property
     def link_positions(self) -> Float64:
@@ -192,7 +193,7 @@ class Simulation:
         self._hand = self.model.body("hand").id
         rows = slice(self._hand, self._hand + 1 + blocks)
         self._position, self._quaternion = self.data.xpos[rows], self.data.xquat[rows]
-        self._rotation = self.data.xmat[self._hand]
+        self._rotation = self.data.xmat[self._hand].reshape(3, 3)
         self._warnings, self._control = self.data.warning.number, self.data.ctrl
         arm = slice(self._joints)
         self._arm_position, self._arm_velocity = self.data.qpos[arm], self.data.qvel[arm]
