@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pa_ros.core.errors import PaError
 from pa_ros.ros import topics
@@ -32,10 +32,8 @@ from pa_ros.wire.simulator import (
     encode_spawned,
 )
 from sim_node.entities import Entities
+from sim_node.running import ArenaNode
 from sim_node.session import SimulatorError
-
-if TYPE_CHECKING:
-    from sim_node.node import SimNode
 
 ABOUT = "time never goes back; moved blocks are seen from the next step on; docs/graph.md"
 TIME_CONTINUES = "done, except for the time: the clock never goes back"
@@ -48,7 +46,7 @@ Answer = Callable[[Message, Any], Any]
 class Services:
     """Offers the services of an arena, in its namespace. A PaError is answered with its cause."""
 
-    def __init__(self, arena: SimNode, entities: Entities) -> None:
+    def __init__(self, arena: ArenaNode, entities: Entities) -> None:
         self._arena, self._entities = arena, entities
         self._stopped_at = -1  # stamp at which the arena was stopped and reset; -1: it was not
         own: dict[tuple[str, Any], Callable[[Message], None]] = {

@@ -5,7 +5,7 @@ Each step is the answer of the agent, as in lockstep. Without a program, or an a
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pa_ros.core.errors import PaError
 from pa_ros.ros.actions import SIMULATE_STEPS, ActionGoal, GoalServer
@@ -17,10 +17,8 @@ from pa_ros.wire.simulator import (
     encode_steps_feedback,
     encode_steps_result,
 )
+from sim_node.running import ArenaNode
 from sim_node.session import SimulatorError
-
-if TYPE_CHECKING:
-    from sim_node.node import SimNode
 
 ROUND_S = 0.001  # wall time between two steps, in which the node serves other callbacks
 
@@ -28,7 +26,7 @@ ROUND_S = 0.001  # wall time between two steps, in which the node serves other c
 class SteppingAction:
     """Executes one goal at a time; a second one is aborted."""
 
-    def __init__(self, arena: SimNode) -> None:
+    def __init__(self, arena: ArenaNode) -> None:
         self._arena = arena
         self._goal: ActionGoal | None = None
         self._steps = self._done = 0

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from pa_ros.arena import ReachTask
 from pa_ros.arena.camera import Camera, intrinsics, optical_pose
 from pa_ros.arena.errors import RenderError
 from pa_ros.arena.urdf import urdf
 from pa_ros.core.experience import Body, Step
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
+from pa_ros.ros.lifecycle import ManagedNode
 from pa_ros.ros.topics import Topic
 from pa_ros.wire import Message
 from pa_ros.wire.step import encode_clock, encode_joints, encode_step, encode_verdict
@@ -32,10 +32,10 @@ from pa_ros.wire.views import (
     encode_transforms,
 )
 from sim_node.entities import Entities, solids
+from sim_node.session import Session
 
 if TYPE_CHECKING:
     from pa_ros.perception.task import CameraTask
-    from sim_node.node import SimNode
 
 VIEWS_S = 0.1  # wall time between two sets of poses and markers
 SAMPLES_S = 0.25  # wall time between two samples
@@ -52,22 +52,21 @@ class CameraView:
 
     pose: Body  # of the optical frame
 
-    def __init__(self, arena: SimNode) -> None:
+    def __init__(self, node: ManagedNode, session: Session) -> None:
         """Call after an episode has begun. Raises RenderError where there is no OpenGL."""
-        self._arena = arena
-        session = self._session = arena.session
+        self._node, self._session = node, session
         self._config = session.config.camera
         model, config = session.task.simulation.model, self._config
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="camera")
         shape = config.view, config.width, config.height
         self._camera = self._thread.submit(Camera, model, *shape).result()
         self._matrix, self.pose = intrinsics(model, *shape), optical_pose(model, config.view)
-        self._image = topics.CAMERA_IMAGE.publisher(arena)
-        self._info = topics.CAMERA_INFO.publisher(arena)
+        self._image = topics.CAMERA_IMAGE.publisher(node)
+        self._info = topics.CAMERA_INFO.publisher(node)
         self._rendering: Future[None] | None = None
         self._last = (-1, -CAMERA_STILL_S)  # period of simulation time, wall time of a picture
         self.pictures = 0
-        steady_timer(arena, CAMERA_POLL_S, self._poll)
+        steady_timer(node, CAMERA_POLL_S, self._poll)
 
     def close(self) -> None:
         """Free the camera; call before the node is destroyed."""
@@ -77,7 +76,7 @@ class CameraView:
     def _poll(self) -> None:
         watched = self._image.get_subscription_count() or self._info.get_subscription_count()
         busy = self._rendering is not None and not self._rendering.done()
-        if busy or not watched or not self._arena.active:
+        if busy or not watched or not self._node.active:
             return
         stamp_ns = self._session.current.observation.stamp_ns
         period, now = int(stamp_ns * self._config.rate_hz / 1e9), time.monotonic()
@@ -86,7 +85,7 @@ class CameraView:
         self._last = period, now
         if self._rendering is not None and (error := self._rendering.exception()) is not None:
             lost = RenderError(f"expected a picture, got {type(error).__name__}: {error}")
-            self._arena.refusals.refuse("camera", lost)
+            self._node.refusals.refuse("camera", lost)
         self._camera.look(self._session.task.simulation)
         self._rendering = self._thread.submit(self._publish, stamp_ns)
 
@@ -100,40 +99,42 @@ class CameraView:
 class Tracks:
     """What the cameras of an arena that sees show now, with a box around each object found."""
 
-    def __init__(self, arena: SimNode, task: ReachTask) -> None:
-        """`task` is a CameraTask."""
-        self._arena, self._task = arena, cast("CameraTask", task)
-        self._out = topics.CAMERA_TRACKS.publisher(arena)
-        steady_timer(arena, SAMPLES_S, self._show)
+    def __init__(self, node: ManagedNode, session: Session) -> None:
+        """The session's task is a CameraTask."""
+        self._node, self._session = node, session
+        self._out = topics.CAMERA_TRACKS.publisher(node)
+        steady_timer(node, SAMPLES_S, self._show)
 
     def _show(self) -> None:
-        if self._out.get_subscription_count() and self._arena.active:
-            stamp_ns = self._arena.session.current.observation.stamp_ns
-            self._out.publish(encode_image(self._task.drawn(), OPTICAL_FRAME, stamp_ns))
+        if self._out.get_subscription_count() and self._node.active:
+            stamp_ns = self._session.current.observation.stamp_ns
+            picture = cast("CameraTask", self._session.task).drawn()
+            self._out.publish(encode_image(picture, OPTICAL_FRAME, stamp_ns))
 
 
 class Views:
     """The arm's URDF, the poses of hand, blocks and camera, and the blocks as markers."""
 
-    def __init__(self, arena: SimNode, entities: Entities, camera: CameraView | None) -> None:
+    def __init__(
+        self, node: ManagedNode, session: Session, entities: Entities, camera: CameraView | None
+    ) -> None:
         """Call after an episode has begun."""
-        self._arena, self._session = arena, arena.session
-        self._entities = entities
-        self._tf = topics.TF.publisher(arena)
-        self._tf_static = topics.TF_STATIC.publisher(arena)
+        self._node, self._session, self._entities = node, session, entities
+        self._tf = topics.TF.publisher(node)
+        self._tf_static = topics.TF_STATIC.publisher(node)
         fixed = {"base": Body.at_rest(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))}
         if camera is not None:
             fixed[OPTICAL_FRAME] = camera.pose
         self._tf_static.publish(encode_transforms(fixed, 0))
-        self._markers = topics.MARKERS.publisher(arena)
+        self._markers = topics.MARKERS.publisher(node)
         self._shown = 0  # markers in the last message
         limits, model = self._session.arena.joint_speed_limits, self._session.task.simulation.model
-        self._description = topics.ROBOT_DESCRIPTION.publisher(arena)
+        self._description = topics.ROBOT_DESCRIPTION.publisher(node)
         self._description.publish(encode_text(urdf(model, self._session.arena.arm, limits)))
-        steady_timer(arena, VIEWS_S, self._show)
+        steady_timer(node, VIEWS_S, self._show)
 
     def _show(self) -> None:
-        if not self._arena.active:
+        if not self._node.active:
             return
         stamp_ns = self._session.current.observation.stamp_ns
         if self._tf.get_subscription_count():
@@ -148,7 +149,7 @@ class Views:
 class StepViews:
     """Each step's joints, verdict and time for tools, while somebody subscribes."""
 
-    def __init__(self, arena: SimNode, joint_names: tuple[str, ...]) -> None:
+    def __init__(self, node: ManagedNode, joint_names: tuple[str, ...]) -> None:
         encoders: tuple[tuple[Topic, Callable[[Step, Message], Message]], ...] = (
             (
                 topics.JOINT_STATES,
@@ -158,7 +159,7 @@ class StepViews:
             (topics.CLOCK, lambda step, into: encode_clock(step.observation.stamp_ns, into)),
         )
         # Each message is filled again at each step.
-        self._views = [(one.publisher(arena), one.type(), encode) for one, encode in encoders]
+        self._views = [(one.publisher(node), one.type(), encode) for one, encode in encoders]
 
     def publish(self, step: Step) -> None:
         """Publish the views of a step."""
@@ -170,12 +171,12 @@ class StepViews:
 class Samples:
     """The current step, four times a second however fast the arena is."""
 
-    def __init__(self, arena: SimNode) -> None:
-        self._arena = arena
-        self._out = topics.SAMPLES.publisher(arena)
-        steady_timer(arena, SAMPLES_S, self.show)
+    def __init__(self, node: ManagedNode, session: Session) -> None:
+        self._node, self._session = node, session
+        self._out = topics.SAMPLES.publisher(node)
+        steady_timer(node, SAMPLES_S, self.show)
 
     def show(self) -> None:
         """Publish the current step now."""
-        if self._out.get_subscription_count() and self._arena.active:
-            self._out.publish(encode_step(self._arena.session.current))
+        if self._out.get_subscription_count() and self._node.active:
+            self._out.publish(encode_step(self._session.current))
