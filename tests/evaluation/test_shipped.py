@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from helpers.pictures import opengl
+from laboratory.studies import shipping
 from laboratory.studies.scorer import Benchmark, Scorer
+from laboratory.studies.shipping import ship
 from pa_ros.agents import load_agent
 from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
-from pa_ros.learning import checkpoints
 from pa_ros.learning.checkpoint_files import SHIPPED, write_synced
-from pa_ros.learning.checkpoints import load_policy, read_metadata, ship
+from pa_ros.learning.checkpoints import load_policy, read_metadata
 from pa_ros.learning.errors import CheckpointError
 
 NAMES = sorted(path.parent.name for path in SHIPPED.glob("*/metadata.json"))
@@ -66,7 +67,7 @@ def test_a_policy_whose_replacing_was_interrupted_is_whole(tmp_path, monkeypatch
         write_synced(path, *content)
 
     with monkeypatch.context() as dying:
-        dying.setattr(checkpoints, "write_synced", killed)
+        dying.setattr(shipping, "write_synced", killed)
         with pytest.raises(KeyboardInterrupt):
             ship(source, "again", {"note": 2}, replaces=True, folder=tmp_path)
     assert read_metadata(out)["extra"]["note"] == 1 and load_policy(out).tensors

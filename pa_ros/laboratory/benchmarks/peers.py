@@ -23,11 +23,12 @@ import gymnasium
 import numpy as np
 
 from laboratory.studies.experiments import EXPERIMENTS, Experiment, run_seed
+from laboratory.studies.processes import end_with_parent
 from laboratory.studies.tables import read_rows, write_rows
 from pa_ros.arena import design_named
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Observation
-from pa_ros.core.signals import end_with_parent, interrupts_later
+from pa_ros.core.signals import interrupts_later
 from pa_ros.core.text import Report
 from pa_ros.evaluation.evaluate import Acts, TrainingScores
 from pa_ros.language import Program

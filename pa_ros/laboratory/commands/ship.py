@@ -37,8 +37,8 @@ def run_card(run: Path, cache: Path) -> dict[str, object]:
 def run(options: argparse.Namespace) -> int:
     """Score the policy, then write it with its model card; prints the folder."""
     from laboratory.studies.cards import model_card
+    from laboratory.studies.shipping import check_ship_name, ship
     from pa_ros.core.files import write_whole
-    from pa_ros.learning.checkpoints import check_ship_name, ship
 
     check_ship_name(options.name, options.replace)  # before it is scored
     card = run_card(options.run, SCORES)

@@ -20,11 +20,12 @@ from laboratory.studies.experiments import (
     summarize,
     write_table,
 )
+from laboratory.studies.processes import end_with_parent
 from laboratory.studies.tables import CURVE, EvaluationError, frames_done, read_curve
 from pa_ros.core import extensions
 from pa_ros.core.errors import PaError
 from pa_ros.core.settings import Settings
-from pa_ros.core.signals import end_with_parent, interrupts_later
+from pa_ros.core.signals import interrupts_later
 from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
 from pa_ros.learning.run import MADE_ON

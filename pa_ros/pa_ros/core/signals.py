@@ -183,21 +183,3 @@ def _importing(frame: FrameType | None) -> bool:
 
 def _in_main_thread() -> bool:
     return threading.current_thread() is threading.main_thread()
-
-
-def end_with_parent() -> None:
-    """End this process, which `multiprocessing` started, when its parent ends.
-
-    A parent that is killed cannot end its children itself.
-    """
-    from multiprocessing import parent_process
-
-    parent = parent_process()
-    if parent is None:
-        return
-
-    def wait() -> None:
-        parent.join()
-        os.kill(os.getpid(), signal.SIGTERM)
-
-    threading.Thread(target=wait, name="parent", daemon=True).start()
