@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
 from pa_ros.arena.appearance import look_of
-from pa_ros.arena.conditions import condition_named, training_programs
+from pa_ros.arena.conditions import condition_named
 from pa_ros.arena.config import ArenaConfig, check_fits
 from pa_ros.arena.designs import Design, Kind
 from pa_ros.arena.episodes import Episode, generate
@@ -20,7 +19,6 @@ from pa_ros.core.experience import Float32, Float64, Observation, Verdict
 from pa_ros.language import Goal, Program, require_possible, roles
 from pa_ros.world import Reward, Score, Scoring
 from pa_ros.world.comparisons import choose
-from pa_ros.world.measures import ProgramMeasures
 from pa_ros.world.progress import GoalWatch
 from pa_ros.world.schema import PAPER, ObjectSchema
 from pa_ros.world.world import World
@@ -152,12 +150,8 @@ class ReachTask:
         design: Design,
         seed: int,
         reward: Reward | None = None,
-        measures_programs: bool = False,
     ) -> None:
         """`seed` and the index determine an episode. The default reward is the paper's ±1.
-
-        With `measures_programs` verdicts say the measure of every training program, for learners
-        whose observations do not tell which words are true.
 
         Raises ConfigError for a value of the design that has no look, or an arena that the design
         does not fit.
@@ -171,10 +165,6 @@ class ReachTask:
         self.design = design
         self.seed = seed
         self.simulation = Simulation(config, self.design.schema)
-        self._measures: ProgramMeasures | None = None
-        if measures_programs:
-            true = world_of(config, design)
-            self._measures = ProgramMeasures(training_programs(design), true, self.scoring)
         self._episode: Episode | None = None
         self._stamp_ns, self._period_ns = 0, config.control_period_ns
         self._step, self._limits = 0, np.array(config.joint_speed_limits)
@@ -201,7 +191,6 @@ class ReachTask:
         verifier = self._verifier(episode, episode.goal)
         self.simulation.place(episode)
         self._episode, self._goal = episode, verifier
-        self._note_named()
         self._step, self._programs = 0, 0
         self.program_id = f"{episode.index}.0"
         self._stamp_ns += self._period_ns
@@ -232,7 +221,6 @@ class ReachTask:
         self._episode = episode
         kinds = [block.kind for block in episode.blocks]
         self._goal.replace_blocks(kinds)
-        self._note_named()
 
     def close(self) -> None:
         """Free what the task holds outside Python; then it must not be used."""
@@ -306,15 +294,7 @@ class ReachTask:
         )
         truncated = self._step >= self._goal.steps(self.config)
         verdict = self._goal.verdict(observation.objects, observation.hand_pose, truncated)
-        if self._measures is not None:
-            measures = self._measures(self._named, observation.objects, observation.hand_pose)
-            verdict = replace(verdict, measures=tuple(measures.tolist()))
         return observation, verdict
-
-    def _note_named(self) -> None:
-        """Note what the training programs name among the present blocks."""
-        if self._measures is not None:
-            self._named = self._measures.named(self.simulation.objects(), HAND_INDEX)
 
 
 def play(

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pa_ros.arena import ArenaConfig, Design, Episode, ReachTask
+from pa_ros.arena import ArenaConfig, Design, Episode, ReachTask, training_programs, world_of
 from pa_ros.arena.camera import PLAIN, Pictures
 from pa_ros.core.experience import Float32, Float64, Observation, Verdict
 from pa_ros.perception.blobs import Blob, blobs
@@ -17,6 +17,7 @@ from pa_ros.perception.calibration import MOST, Calibration, Cameras
 from pa_ros.perception.sight import Sight
 from pa_ros.perception.view import Picture, View
 from pa_ros.world import Reward
+from pa_ros.world.measures import ProgramMeasures
 from pa_ros.world.poses import POSE_WIDTH
 from pa_ros.world.world import World
 
@@ -28,7 +29,11 @@ LIFTED_M, LIFTED_EVERY = 0.15, 3
 
 
 class CameraTask(ReachTask):
-    """`ReachTask`, observed through a camera."""
+    """`ReachTask`, observed through a camera.
+
+    Verdicts say the measure of every training program, for learners whose observations do not tell
+    which words are true.
+    """
 
     def __init__(
         self,
@@ -41,7 +46,10 @@ class CameraTask(ReachTask):
     ) -> None:
         """RenderError where there is no OpenGL, ConfigError for a design that is not seen."""
         self.seen_schema = cameras.schema(design.schema)
-        super().__init__(config, design, seed, reward, measures_programs=True)
+        super().__init__(config, design, seed, reward)
+        true = world_of(config, design)
+        self._measures = ProgramMeasures(training_programs(design), true, self.scoring)
+        self._scene: Episode | None = None  # whose blocks the programs name as `_named` says
         self.sight = Sight(config, cameras, pictures, self.seen_schema)
         self._looked_at = 0  # step of the newest picture
 
@@ -76,7 +84,11 @@ class CameraTask(ReachTask):
             self._looked_at = self._step
             self.sight.look(self.pictures(), true.joint_position)
         objects = self.sight.objects(true.hand_pose, self._told(true.objects))
-        return replace(true, objects=objects), verdict
+        if self._scene is not self.episode:
+            self._scene = self.episode
+            self._named = self._measures.named(true.objects, true.hand_index)
+        measures = self._measures(self._named, true.objects, true.hand_pose).tolist()
+        return replace(true, objects=objects), replace(verdict, measures=tuple(measures))
 
     def _told(self, objects: Float32) -> Float32:
         """The rows of objects without a body, [told, F]; `objects` [N, F] are the true
