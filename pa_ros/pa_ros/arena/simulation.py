@@ -192,11 +192,13 @@ class Simulation:
         """Keep views of MuJoCo's arrays, because reading an attribute of MjData is slow."""
         self._hand = self.model.body("hand").id
         rows = slice(self._hand, self._hand + 1 + blocks)
-        self._position, self._quaternion = self.data.xpos[rows], self.data.xquat[rows]
+        self._position: Float64 = self.data.xpos[rows]
+        self._quaternion: Float64 = self.data.xquat[rows]
         self._rotation = self.data.xmat[self._hand].reshape(3, 3)
         self._warnings, self._control = self.data.warning.number, self.data.ctrl
         arm = slice(self._joints)
-        self._arm_position, self._arm_velocity = self.data.qpos[arm], self.data.qvel[arm]
+        self._arm_position: Float64 = self.data.qpos[arm]
+        self._arm_velocity: Float64 = self.data.qvel[arm]
 
 
 def _build(config: ArenaConfig, looks: tuple[Look, ...]) -> tuple[mujoco.MjModel, mujoco.MjData]:
