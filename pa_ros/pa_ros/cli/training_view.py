@@ -24,7 +24,7 @@ NONE = "–"
 
 
 @dataclass(frozen=True)
-class Column:
+class ScoreColumn:
     """One column: its title, where its number comes from, and how that is written."""
 
     title: str
@@ -34,14 +34,14 @@ class Column:
 
 
 COLUMNS = (
-    Column("frames", "frames", "{:,.0f}", 9),
-    Column("time", "wall_s", "{:.0f} s", 7),
-    Column("updates", "updates", "{:,.0f}", 9),
-    Column("reward/step", "behaviour.reward_per_step", "{:+.3f}", 11),
-    Column("critic loss", "critic_loss", "{:.5f}", 11),
-    Column("mean Q", "mean_q", "{:+.3f}", 7),
-    Column("trained", "train_greedy.normalized", "{:.2f}", 7),
-    Column("held out", "eval_greedy.normalized", "{:.2f}", 8),
+    ScoreColumn("frames", "frames", "{:,.0f}", 9),
+    ScoreColumn("time", "wall_s", "{:.0f} s", 7),
+    ScoreColumn("updates", "updates", "{:,.0f}", 9),
+    ScoreColumn("reward/step", "behaviour.reward_per_step", "{:+.3f}", 11),
+    ScoreColumn("critic loss", "critic_loss", "{:.5f}", 11),
+    ScoreColumn("mean Q", "mean_q", "{:+.3f}", 7),
+    ScoreColumn("trained", "train_greedy.normalized", "{:.2f}", 7),
+    ScoreColumn("held out", "eval_greedy.normalized", "{:.2f}", 8),
 )
 LEGEND = "trained, held out: scores of greedy episodes, 0 random, 1 scripted"
 
@@ -123,5 +123,5 @@ class TrainingView:
             self._console.print(line, soft_wrap=True, markup=False)
 
 
-def _written(column: Column, value: float) -> str:
+def _written(column: ScoreColumn, value: float) -> str:
     return NONE if math.isnan(value) else column.form.format(value)
