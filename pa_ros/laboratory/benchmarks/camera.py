@@ -47,6 +47,11 @@ def run(options: argparse.Namespace) -> Report:
     finally:
         os.sched_setaffinity(0, cores)
     times = uses.latencies_s
+    if not times:
+        raise PaError(
+            f"camera: expected commands that follow a picture within {options.seconds:g} s, got "
+            "none: stop other work, or measure for longer (--seconds)"
+        )
     report: Report = {
         f"camera.latency_{name}_ms": float(np.percentile(times, percent)) * 1e3
         for name, percent in PERCENTILES.items()
