@@ -43,3 +43,8 @@ def test_the_critic_starts_at_the_value_of_never_being_rewarded(recipe, discount
     network = learning.network.for_world(WORLD)
     learner = Learner(network, learning.learner, training_programs(DESIGN), seed=0)
     assert learner.engine.tensors()["critic.output.bias"] == [value]
+
+
+def test_the_recipe_may_be_given_by_its_older_name() -> None:
+    older: dict[str, Any] = {"protocol": "paper", "recipe": "push"}  # beside a design's own
+    assert LearningSettings(**older) == LearningSettings(recipe="paper")

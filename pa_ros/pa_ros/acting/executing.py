@@ -168,7 +168,7 @@ class Actor(Policy):
         hidden: Collection[int] = (),
     ) -> tuple[Sequence[Objects], set[int]]:
         """The object of each set that the agent goes for, and what networks are not to see: the
-        others that the program means. Objects that are `hidden` are none of them."""
+        others that the program means. Neither contains a `hidden` object."""
         meant = _sets(degrees, MEANT if program.compares else SURELY, hidden)
         if len(meant[0]) == len(meant[1]) == 1:  # nothing to choose, as in most scenes
             return meant, set()
