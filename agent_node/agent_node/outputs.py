@@ -71,14 +71,19 @@ class ControllerOutput:
     def _stop_if_late(self) -> None:
         late = time.monotonic() - self._sent_at > OUTPUT_TIMEOUT_S
         if late and self._ramp.moving:
+            self._position = self._position + self._ramp.velocity * self._elapsed_s()
             self._publish(np.zeros(len(self._ramp.velocity), np.float32))
+
+    def _elapsed_s(self) -> float:
+        """Time since the last command, as long as it lasts at most: one control period."""
+        assert self._arena is not None
+        return min(time.monotonic() - self._ramped_at, self._arena.control_period)
 
     def _publish(self, action: Float32) -> None:
         arena = self._arena
         assert arena is not None
-        now, period_s = time.monotonic(), arena.control_period
-        elapsed_s, self._ramped_at = min(now - self._ramped_at, period_s), now
-        velocity = self._ramp.towards(action, elapsed_s)
+        velocity = self._ramp.towards(action, self._elapsed_s())
+        self._ramped_at, period_s = time.monotonic(), arena.control_period
         stamp_ns = self._node.get_clock().now().nanoseconds
         moving = arena.joint_names, self._position, velocity
         self._out.publish(encode_setpoint(self._form, *moving, period_s, stamp_ns))

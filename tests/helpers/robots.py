@@ -10,8 +10,9 @@ from pa_ros.arena.simulation import Simulation
 from pa_ros.core.experience import Float64, Step
 from pa_ros.core.extensions import load
 from pa_ros.language import parse
-from pa_ros.wire.program import ProgramRequest
-from pa_ros.wire.step import Command
+from pa_ros.ros import topics
+from pa_ros.wire.program import ProgramRequest, encode_program
+from pa_ros.wire.step import Command, encode_command
 from sim_node.robot.arm import RealArm
 from sim_node.robot.frames import Placed
 from sim_node.robot.settings import read_robot
@@ -20,6 +21,7 @@ from sim_node.robot.settings import read_robot
 KINDS, NAMES = tuple(SIMULATED.KINDS), tuple(SIMULATED.OBJECTS)
 CONFIG, DESIGN = SIMULATED.CONFIG, SIMULATED.DESIGN
 PERIOD_S = 0.1
+DRY = topics.VELOCITY_COMMANDS.within("dry_run")
 
 
 def robot_values(**changes: Any) -> dict[str, Any]:
@@ -93,3 +95,44 @@ class Rehearsal:
         """A command that answers the newest observation."""
         seen = self.arm.seen
         return Command(0, seen.step, seen.stamp_ns, "a", 0, np.asarray(action, np.float32))
+
+
+class Table:
+    """robot_node, the simulated arm, and an agent that always turns the arm's base."""
+
+    user: Any = None
+
+    def __init__(self, probe: Any, files: Any = None) -> None:
+        self.probe, self.files, (*_, self.driver) = probe, files, probe.nodes
+        self.lost: set[str] = set()
+        self.agent, self.count, self.dry = True, 0, list[Any]()
+        joints, tf = self.driver.joints, self.driver.tf
+        send_joints, send_tf = joints.publish, tf.publish
+        joints.publish = lambda m: None if "joints" in self.lost else send_joints(m)
+        tf.publish = lambda m: send_tf(self.without_lost(m))
+        probe.create_subscription(DRY.type, DRY.name, self.dry.append, 10)
+        self.commands = probe.speaker(topics.JOINT_COMMANDS)
+        features = topics.OBJECT_FEATURES
+        features.subscribe(probe, self.on_step)
+        programs = probe.speaker(topics.PROGRAM)
+        programs.publish(encode_program(ProgramRequest("p", "NEAR(HAND, BLUE)")))
+        assert probe.until(lambda: probe.count(topics.PROGRAM_STATUS) > 0)
+
+    def without_lost(self, message: Any) -> Any:
+        message.transforms = [t for t in message.transforms if t.child_frame_id not in self.lost]
+        return message
+
+    def on_step(self, message: Any) -> None:
+        if self.agent and message.program:
+            self.count += 1
+            stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+            action = np.array([0.5, 0, 0, 0, 0, 0], np.float32)
+            command = Command(0, message.step, stamp, "pusher", 0, action, 1, self.count)
+            self.commands.publish(encode_command(command))
+
+    def moves(self) -> bool:
+        return self.probe.until(lambda: self.driver.arm.velocity[0] > 0.2)
+
+    def stops(self, says: str = "") -> bool:
+        told = lambda: says in self.probe.message("robot_node")  # noqa: E731
+        return self.probe.until(lambda: not self.driver.arm.velocity.any() and told())

@@ -36,6 +36,8 @@ def test_velocity_ramps_down_when_commands_stop_and_another_arm_starts_at_rest(
     clock.now += 0.1
     output.rest()
     assert len(sent) == 6  # the first step down
+    if controller == "joint_trajectory":  # 0.1 s at 0.1 rad/s later, 0.08 rad/s for 0.1 s
+        assert sent[-1].points[0].positions == pytest.approx([0.018] * 6)
     bind("pqrstuv")
     output.rest()
     output.stop()

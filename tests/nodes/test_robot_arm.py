@@ -90,8 +90,8 @@ def test_joints_are_resampled_in_the_agents_signs():
     assert between.position.tolist() == [0.5, 0.0] and between.velocity.tolist() == [2.0, -2.0]
     for stamp in (20, 99, 5):
         assert history.at(stamp).position.tolist() == [1.0, -0.5], "the newest"
-    assert history.to_driver(np.array([1.0, 1.0])).tolist() == [1.0, -1.0]
-    assert history.driver_position.tolist() == [1.0, 1.0]
+    position, velocity = history.to_driver(np.array([1.0, -0.5]), np.array([1.0, 1.0]))
+    assert position.tolist() == [1.0, 1.0] and velocity.tolist() == [1.0, -1.0]
     history.add(np.array([2.0, 2.0]), np.zeros(2), 3, 3.0)  # the driver was restarted
     assert history.at(15).position.tolist() == [2.0, -1.5]
     assert refused(JointHistory(JOINTS).at, 0)[0] == "robot.joints"
@@ -106,14 +106,16 @@ def test_joints_are_resampled_in_the_agents_signs():
 def test_the_hand_approaches_a_face_no_faster_than_the_distance_allows(seed):
     rng = np.random.default_rng(seed)
     box = Workspace(lower=(0, 0, 0), upper=(1, 1, 1))
-    guard = Guard(box, -np.ones(6), np.ones(6), 2 * np.ones(6))
+    acceleration = rng.choice([0.0, 2.0])
+    guard = Guard(box, -np.ones(6), np.ones(6), 2 * np.ones(6), acceleration)
+    slow_s = SLOW_S + (0.5 if acceleration else 0.0)  # half of the ramp from 2 rad/s
     velocity, position = rng.normal(size=6), rng.uniform(-1, 1, 6)
     jacobian = rng.normal(size=(3, 6))
     hand = rng.uniform(-0.2, 1.2, 3)
     allowed = guard.allowed(velocity, position, hand, jacobian)
-    assert np.all(jacobian @ allowed <= np.maximum(1 - hand, 0) / SLOW_S + 1e-6)
-    assert np.all(-jacobian @ allowed <= np.maximum(hand, 0) / SLOW_S + 1e-6)
-    assert np.all(np.abs(allowed) <= np.minimum((1 + np.abs(position)) / SLOW_S, 2) + 1e-6)
+    assert np.all(jacobian @ allowed <= np.maximum(1 - hand, 0) / slow_s + 1e-6)
+    assert np.all(-jacobian @ allowed <= np.maximum(hand, 0) / slow_s + 1e-6)
+    assert np.all(np.abs(allowed) <= np.minimum((1 + np.abs(position)) / slow_s, 2) + 1e-6)
 
 
 def test_far_from_the_box_a_command_is_not_changed_and_along_a_face_the_hand_slides():

@@ -1,61 +1,18 @@
 """robot_node drives an arm through standard topics, and every way to stop it stops it."""
 
-from pathlib import Path
+import os
+import signal
 
-import numpy as np
 import pytest
 import yaml
 
 from helpers.graph import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, User, graph
-from helpers.robots import robot_values
-from pa_ros.core.extensions import load
+from helpers.robots import SIMULATED, Table, robot_values
 from pa_ros.ros import topics
 from pa_ros.wire.program import ProgramRequest, encode_program
-from pa_ros.wire.step import Command, encode_command
 from sim_node.robot.node import RobotNode
 
 pytestmark = pytest.mark.graph
-EXAMPLES = Path(__file__).parents[2] / "docs/examples"
-DRY = topics.VELOCITY_COMMANDS.within("dry_run")
-
-
-class Table:
-    """robot_node, the simulated arm, and an agent that always turns the arm's base."""
-
-    def __init__(self, probe, files) -> None:
-        self.probe, self.files, (self.robot, self.driver) = probe, files, probe.nodes
-        self.user = User(probe, self.robot)
-        self.lost, self.agent, self.count, self.dry = set(), True, 0, []
-        joints, tf = self.driver.joints, self.driver.tf
-        send_joints, send_tf = joints.publish, tf.publish
-        joints.publish = lambda m: None if "joints" in self.lost else send_joints(m)
-        tf.publish = lambda m: send_tf(self.without_lost(m))
-        probe.create_subscription(DRY.type, DRY.name, self.dry.append, 10)
-        self.commands = probe.speaker(topics.JOINT_COMMANDS)
-        features = topics.OBJECT_FEATURES
-        features.subscribe(probe, self.on_step)
-        programs = probe.speaker(topics.PROGRAM)
-        programs.publish(encode_program(ProgramRequest("p", "NEAR(HAND, BLUE)")))
-        assert probe.until(lambda: probe.count(topics.PROGRAM_STATUS) > 0)
-
-    def without_lost(self, message):
-        message.transforms = [t for t in message.transforms if t.child_frame_id not in self.lost]
-        return message
-
-    def on_step(self, message) -> None:
-        if self.agent and message.program:
-            self.count += 1
-            stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-            action = np.array([0.5, 0, 0, 0, 0, 0], np.float32)
-            command = Command(0, message.step, stamp, "pusher", 0, action, 1, self.count)
-            self.commands.publish(encode_command(command))
-
-    def moves(self) -> bool:
-        return self.probe.until(lambda: self.driver.arm.velocity[0] > 0.2)
-
-    def stops(self, says: str = "") -> bool:
-        told = lambda: says in self.probe.message("robot_node")  # noqa: E731
-        return self.probe.until(lambda: not self.driver.arm.velocity.any() and told())
 
 
 @pytest.fixture(scope="module")
@@ -65,10 +22,11 @@ def table(module_domain, tmp_path_factory):
     for dry_run in (False, True):
         files[dry_run] = folder / f"{dry_run}.yaml"
         files[dry_run].write_text(yaml.safe_dump(robot_values(dry_run=dry_run), sort_keys=False))
-    (simulated,) = load([str(EXAMPLES / "simulated_arm.py")])
     given = {"robot_node__robot": files[False], "robot_node__autostart": True}
-    with graph(RobotNode, simulated.ArmDriver, **given) as probe:
-        yield Table(probe, files)
+    with graph(RobotNode, SIMULATED.ArmDriver, **given) as probe:
+        table = Table(probe, files)
+        table.user = User(probe, probe.nodes[0])
+        yield table
 
 
 @pytest.mark.parametrize("lost", ["joints", "hand", "red_sphere"])
@@ -86,6 +44,17 @@ def test_the_arm_holds_without_an_agent(table):
     assert table.stops("no agent's command")
     table.agent = True
     assert table.moves()
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_the_arm_stops_when_its_relay_does_and_goes_on_with_another(table, number):
+    assert table.moves()
+    relay = table.probe.nodes[0].relay.process
+    os.kill(relay.pid, number)
+    assert table.stops()
+    told = lambda: table.probe.value("robot_node", "refused.robot.relay")  # noqa: E731
+    assert table.probe.until(told)
+    assert table.moves() and relay.poll() is not None
 
 
 def test_the_arm_holds_while_the_node_is_inactive(table):

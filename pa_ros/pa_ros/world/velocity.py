@@ -1,12 +1,15 @@
-"""Joint velocities that are safe for a real arm, from actions."""
+"""Joint velocities that are safe for a real arm, and where they have moved it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 
 import numpy as np
 
 from pa_ros.core.experience import Float32, Float64
+
+TINY = 1e-9  # rad/s
 
 
 class VelocityRamp:
@@ -24,8 +27,47 @@ class VelocityRamp:
         return bool(self.velocity.any())
 
     def towards(self, action: Float32 | Float64, period_s: float) -> Float64:
-        """The velocities one period later, on the way to an action: shares [J] of the limits."""
-        target = action * self._speeds
-        most = self._acceleration * period_s
-        self.velocity = self.velocity + np.clip(target - self.velocity, -most, most)
+        """The velocities one period later, on the way to an action: shares [J] of the limits.
+
+        All joints get there at the same time, so an arm that stops keeps its direction.
+        """
+        change = action * self._speeds - self.velocity
+        share = self._acceleration * period_s / max(np.abs(change).max(), TINY)
+        self.velocity = self.velocity + min(share, 1.0) * change
         return self.velocity.copy()
+
+
+class DeadReckoning:
+    """Where joints are now: the last good measurement, moved on by what was sent since; rad [J].
+
+    While the arm is commanded, a measurement moves the estimate no faster than the joints can turn,
+    so one wrong measurement makes no jump.
+    """
+
+    def __init__(self, speed_limits: Sequence[float], lasts_s: float) -> None:
+        """`speed_limits`: rad/s; `lasts_s`: how long the arm follows a command that stays alone."""
+        self._speeds, self._lasts_s = np.array(speed_limits), lasts_s
+        self.position = self.velocity = np.zeros(len(self._speeds))
+        self._at_s, self._measured_s, self._sent_s = inf, -inf, -inf
+
+    def measured(self, position: Float64, age_s: float, now_s: float) -> None:
+        """Take a measurement [J] that passed all checks, made `age_s` ago."""
+        self.move(now_s)
+        commanded = now_s - self._sent_s <= self._lasts_s
+        reach = self._speeds * (now_s - self._measured_s if commanded else inf)
+        ahead = position + self.velocity * min(age_s, self._lasts_s)
+        # A driver may count whole turns of a joint anew.
+        self.position = self.position + 2 * np.pi * np.round((ahead - self.position) / (2 * np.pi))
+        self.position = np.clip(ahead, self.position - reach, self.position + reach)
+        self._measured_s = now_s
+
+    def sent(self, velocity: Float64, now_s: float) -> None:
+        """Note the velocities [J] (rad/s) that the arm has from now on."""
+        self.move(now_s)
+        self.velocity, self._sent_s = velocity.copy(), now_s
+
+    def move(self, now_s: float) -> None:
+        """Move on by what was sent last."""
+        until_s = min(now_s, self._sent_s + self._lasts_s)
+        self.position = self.position + self.velocity * max(until_s - self._at_s, 0.0)
+        self._at_s = now_s

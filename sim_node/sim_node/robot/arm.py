@@ -18,9 +18,11 @@ from pa_ros.wire.program import ProgramRequest
 from pa_ros.wire.step import Command
 from pa_ros.world import reward_from
 from pa_ros.world.poses import IDENTITY, in_base, objects_from_poses
-from sim_node.robot.frames import FrameTree
+from pa_ros.world.velocity import DeadReckoning
+from sim_node.robot.frames import FrameTree, Placed
 from sim_node.robot.guard import Guard
 from sim_node.robot.joints import JointHistory
+from sim_node.robot.relay import SILENCE_S
 from sim_node.robot.settings import Robot, pose_of
 
 COMMAND_TIMEOUT_S = 0.3  # without a command the arm holds: three control periods
@@ -58,7 +60,14 @@ class RealArm:
             limits[0] = -np.inf, np.inf
         speeds = np.array(config.joint_speed_limits) * settings.speed_scale
         lower, upper = np.array(limits).T
-        self._guard = Guard(settings.workspace, lower, upper, speeds)
+        ramp = settings.max_acceleration
+        self._guard = Guard(settings.workspace, lower, upper, speeds, ramp)
+        # A trajectory's point is one period ahead, and the arm stays there.
+        point = settings.control == "joint_trajectory"
+        self.believed = DeadReckoning(
+            speeds.tolist(), config.control_period_s if point else SILENCE_S
+        )
+        self._apart = np.zeros(3)  # m, from the model's hand to the measured one
         self.about = describe_robot(
             world_of(config, self._design),
             dict(zip(self.joints.names, speeds.tolist(), strict=True)),
@@ -85,15 +94,14 @@ class RealArm:
         """The present step, stamped `stamp_ns`. Raises ArenaError if anything is not measured:
         `robot.joints`, `robot.poses`, or `robot.model` if the hand is elsewhere than the model
         says."""
-        measured_ns = self._measure(now_s)
+        at_hand = self._measure(now_s)
         hand, *_ = poses = [*self.measured.values()]
-        joints = self.joints.at(measured_ns)
+        joints = self.joints.at(at_hand.stamp_ns)
         if now_s - joints.arrived_s > ARM_TIMEOUT_S:
             raise ArenaError(_late("joint_states", now_s - joints.arrived_s), "robot.joints")
-        # A driver's -90 degrees may be the model's 270.
-        turns = np.round((joints.position - self._middle) / (2 * np.pi))
-        position = joints.position - 2 * np.pi * turns
-        self._check_model(position, hand)
+        position = self._as_learned(joints.position)
+        self._apart = self._check_model(position, hand)
+        self.believed.measured(joints.position, now_s - at_hand.arrived_s, now_s)
         objects = objects_from_poses(self._design.schema, self._kinds, np.array(poses))
         step = 0 if self.seen is None else self.seen.step + 1
         measured = objects, position, joints.velocity, 0, self._program_id, hand
@@ -101,12 +109,17 @@ class RealArm:
         verdict = self._verifier.verdict(objects, hand) if self._verifier else None
         return Step(self.seen, verdict, self.program, arena_id=self.about.arena_id)
 
-    def _measure(self, now_s: float) -> int:
-        """Find the hand and the objects in the base's frame; the stamp of the hand's pose.
+    def _as_learned(self, position: Float64) -> Float64:
+        """Joint positions [J] in the model's ranges: a driver's -90 degrees may be its 270."""
+        turns = np.round((position - self._middle) / (2 * np.pi))
+        return np.asarray(position - 2 * np.pi * turns)
+
+    def _measure(self, now_s: float) -> Placed:
+        """Find the hand and the objects in the base's frame; how the hand was placed.
 
         Raises one ArenaError for all that is missing.
         """
-        self.measured, missing, stamp_ns = {}, [], 0
+        self.measured, missing, hand = {}, [], Placed(IDENTITY)
         for name, (frame, offset) in self._sources.items():
             oldest = ARM_TIMEOUT_S if name == "hand" else self.settings.objects_timeout_s
             try:
@@ -117,16 +130,17 @@ class RealArm:
             if now_s - placed.arrived_s > oldest:
                 missing.append(_late(name, now_s - placed.arrived_s))
                 continue
-            stamp_ns = stamp_ns or placed.stamp_ns
+            hand = placed if name == "hand" else hand
             pose = self.measured[name] = in_base(placed.pose, offset)
             pose[3:] *= np.copysign(1.0, pose[6])
         if missing:
             raise ArenaError("; ".join(missing), code="robot.poses")
-        return stamp_ns
+        return hand
 
-    def _check_model(self, position: Float64, hand: Float64) -> None:
+    def _check_model(self, position: Float64, hand: Float64) -> Float64:
+        """How far [3] (m) the hand is from the model's. Raises ArenaError (`robot.model`)."""
         model = self.model.hand(position)
-        apart = float(np.linalg.norm(model.place - hand[:3]))
+        apart = float(np.linalg.norm(hand[:3] - model.place))
         turn = in_base(hand, AXES)[:, :3] - hand[:3]  # the measured axes as rows
         angle = float(np.arccos(np.clip((np.sum(turn * model.turn.T) - 1) / 2, -1.0, 1.0)))
         if apart > HAND_M or angle > HAND_RAD:
@@ -136,6 +150,7 @@ class RealArm:
                 "base_frame, hand_frame and hand_offset",
                 code="robot.model",
             )
+        return hand[:3] - model.place
 
     # Commands
 
@@ -154,11 +169,11 @@ class RealArm:
         return np.asarray(np.clip(command.action, -1.0, 1.0) * self.about.speed_limits)
 
     def allowed(self, velocity: Float64) -> Float64:
-        """The joint velocities [J] that the box allows at the newest observation; rad/s."""
-        seen = self.seen
-        assert seen is not None  # there is no command without an observation
-        jacobian = self.model.hand(seen.joint_position).jacobian
-        return self._guard.allowed(velocity, seen.joint_position, seen.hand_pose[:3], jacobian[:3])
+        """The joint velocities [J] that the box allows where the arm is believed to be; rad/s."""
+        position = self._as_learned(self.believed.position)
+        hand = self.model.hand(position)
+        place = hand.place + self._apart
+        return self._guard.allowed(velocity, position, place, hand.jacobian[:3])
 
     def hand_velocity(self, velocity: Float64) -> Float64:
         """The hand's velocity [3] (m/s, base's frame) at the newest observation."""

@@ -18,7 +18,7 @@ DAMPING = 1e-4  # m²
 @dataclass(frozen=True)
 class Guard:
     """Limits the hand's speed towards each face of the box, and each joint's speed towards its
-    limit, to the distance left divided by SLOW_S. Outside the box the hand can only move back.
+    limit, to the distance left divided by `slow_s`. Outside the box the hand can only move back.
 
     Of the arm only the hand is guarded: an elbow may leave the box.
     """
@@ -27,6 +27,13 @@ class Guard:
     joint_lower: Float64  # [J] rad
     joint_upper: Float64
     speeds: Float64  # [J] rad/s, of the joints
+    acceleration: float = 0.0  # rad/s² of the ramp on which the arm brakes; 0: at once
+
+    @property
+    def slow_s(self) -> float:
+        """SLOW_S, and half of the longest ramp: while braking, the hand moves that far on."""
+        ramp_s = float(self.speeds.max()) / self.acceleration if self.acceleration else 0.0
+        return SLOW_S + ramp_s / 2
 
     def allowed(
         self, velocity: Float64, position: Float64, hand: Float64, jacobian: Float64
@@ -44,7 +51,7 @@ class Guard:
         room = np.concatenate(
             [box.upper - hand, hand - box.lower, upper - position, position - lower]
         )
-        most = np.maximum(room, 0.0) / SLOW_S
+        most = np.maximum(room, 0.0) / self.slow_s
         most[6:] = np.minimum(most[6:], [*self.speeds, *self.speeds])
         kept = velocity
         for _ in range(ROUNDS):

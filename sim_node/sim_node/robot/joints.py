@@ -34,7 +34,6 @@ class JointHistory:
         self._signs = np.array([joint.sign for joint in joints])
         self._offsets = np.array([joint.offset for joint in joints])
         self._kept: deque[JointSample] = deque(maxlen=KEPT)
-        self.driver_position = np.zeros(len(joints))  # [J] rad, the newest as the driver sent it
 
     def add(self, position: Float64, velocity: Float64, stamp_ns: int, arrived_s: float) -> None:
         """Keep a state of the driver's joints in the order of `names`, unless it is the one before.
@@ -50,7 +49,6 @@ class JointHistory:
             return
         if self._kept and stamp_ns < self._kept[-1].stamp_ns:
             self._kept.clear()  # the driver was restarted, or its clock was set back
-        self.driver_position = position
         here = self._signs * position + self._offsets
         self._kept.append(JointSample(here, self._signs * velocity, stamp_ns, arrived_s))
 
@@ -71,6 +69,6 @@ class JointHistory:
         velocity = earlier.velocity + part * (later.velocity - earlier.velocity)
         return JointSample(position, velocity, stamp_ns, newest.arrived_s)
 
-    def to_driver(self, velocity: Float64) -> Float64:
-        """The agent's joint velocities [J] in the driver's signs."""
-        return np.asarray(self._signs * velocity)
+    def to_driver(self, position: Float64, velocity: Float64) -> tuple[Float64, Float64]:
+        """The agent's joint positions and velocities [J] as the driver counts them."""
+        return self._signs * (position - self._offsets), self._signs * velocity

@@ -34,6 +34,7 @@ from pa_ros.wire.step import decode_command, encode_step
 from sim_node.robot.arm import COMMAND_TIMEOUT_S, RealArm
 from sim_node.robot.frames import Placed
 from sim_node.robot.output import RobotOutput
+from sim_node.robot.relay import Relay
 from sim_node.robot.settings import load_robot, measured_frame
 
 SHOW_S = 0.25  # wall time between two samples and sets of markers
@@ -72,7 +73,8 @@ class RobotNode(ManagedNode):
         self._status = topics.PROGRAM_STATUS.publisher(self)
         self._samples = topics.SAMPLES.publisher(self)
         self._markers = topics.MARKERS.publisher(self)
-        self.output = RobotOutput(self, self.arm)
+        self.relay = self._start_relay()
+        self.output = RobotOutput(self, self.arm, self.relay)
 
         self.subscribe(topics.JOINT_STATES, self._on_joints)
         self.subscribe(topics.TF, self._on_transforms)
@@ -90,6 +92,20 @@ class RobotNode(ManagedNode):
         steady_timer(self, SHOW_S, self._show)
         sends = "sends nothing (dry_run)" if robot.settings.dry_run else "moves the arm when active"
         self.get_logger().info(f"{self.config.robot}: {len(robot.objects)} objects; {sends}")
+
+    def _start_relay(self) -> Relay | None:
+        """The process that stops the arm if this one cannot; a trajectory ends by itself."""
+        settings, about = self.arm.settings, self.arm.about
+        if settings.dry_run or not settings.relay or settings.control == "joint_trajectory":
+            return None
+        return Relay(
+            self.resolve_topic_name(topics.SETPOINTS[settings.control].name),
+            settings.control,
+            self.arm.joints.names,
+            about.control_period,
+            settings.max_acceleration,
+            self.context.get_domain_id(),
+        )
 
     def deactivate(self) -> None:
         self.output.rest()  # and `_step_once` continues
@@ -127,8 +143,9 @@ class RobotNode(ManagedNode):
         self._stamp_ns = max(time.time_ns(), self._stamp_ns + 1)
         was_lost = self._loss is not None
         try:
+            self.output.check()
             self._step, self._loss = self.arm.observe(time.monotonic(), self._stamp_ns), None
-        except ArenaError as error:
+        except PaError as error:
             self._loss = error
             if self.active and not was_lost:
                 self.refusals.refuse("the arm holds", error)
@@ -137,6 +154,8 @@ class RobotNode(ManagedNode):
                 self._features.publish(encode_step(self._step))
         if self._loss is not None or not self.active or self._commands_are_late():
             self.output.rest()
+        else:
+            self.output.keep()
 
     def _on_command(self, message: Message) -> None:
         command = decode_command(message, len(self.arm.joints.names))

@@ -78,6 +78,9 @@ class RobotSettings(ArenaChoice):
     workspace: Workspace
     speed_scale: float = Field(0.3, gt=0, le=1, description="of the speeds the agent learned with")
     max_acceleration: float = Field(2.0, ge=0, le=1e3, description="rad/s² per joint; 0: no limit")
+    relay: bool = Field(
+        True, description="stop the arm if robot_node dies; false: its controller does so"
+    )
     objects_timeout_s: float = Field(
         0.5, gt=0, le=60, description="greatest age of an object's pose"
     )
