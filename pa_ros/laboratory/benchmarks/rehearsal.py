@@ -16,6 +16,7 @@ import numpy as np
 import yaml
 from rclpy.action import ActionClient
 
+from laboratory.benchmarks.written import WrittenMessages
 from pa_ros.acting.execution import HOLD_S, WINDOW_S, ExecutionWatch
 from pa_ros.agents import greedy
 from pa_ros.arena import ReachTask, play, scoring_of
@@ -25,6 +26,7 @@ from pa_ros.core.extensions import load
 from pa_ros.core.text import Report
 from pa_ros.language import parse
 from pa_ros.learning.checkpoints import load_policy
+from pa_ros.ros import topics
 from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.executor import release, spin_until
 from pa_ros.tools.domain import use_free_domain
@@ -46,18 +48,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the benchmark's options."""
     parser.add_argument("--scenes", type=int, default=20, help="one program each (%(default)s)")
     parser.add_argument("--tags", action="store_true", help="a camera finds the objects' tags")
+    parser.add_argument(
+        "--no-relay", action="store_true", help="robot_node commands the arm itself"
+    )
 
 
 def run(options: argparse.Namespace) -> Report:
-    """Shares of the programs that held for a second within ten."""
+    """Shares of the programs that held for a second within ten, and the milliseconds from an
+    agent's command to the arm's velocity."""
     use_free_domain()
     (simulated,) = load([str(EXAMPLES / "simulated_arm.py")])
     arena = [_in_the_arena(simulated, scene) for scene in range(options.scenes)]
-    robot = _on_the_robot(simulated, options.scenes, options.tags)
+    delays: list[float] = []
+    relay = not options.no_relay
+    robot = _on_the_robot(simulated, options.scenes, options.tags, relay, delays)
     for where, reached in (("arena", arena), ("robot", robot)):
         missed = [scene for scene, ok in enumerate(reached) if not ok]
         print(f"{where}: {sum(reached)} of {len(reached)}, missed scenes {missed}")
-    return {"arena": sum(arena) / len(arena), "robot": sum(robot) / len(robot)}
+    p50, p99 = np.percentile(delays, (50, 99)).tolist()
+    shares = {"arena": sum(arena) / len(arena), "robot": sum(robot) / len(robot)}
+    return {**shares, "command_p50_ms": p50, "command_p99_ms": p99}
 
 
 def _in_the_arena(simulated: Any, scene: int) -> bool:
@@ -73,8 +83,13 @@ def _in_the_arena(simulated: Any, scene: int) -> bool:
     return done is not None and done.satisfied
 
 
-def _on_the_robot(simulated: Any, scenes: int, tags: bool) -> list[bool]:
-    """Whether programs are executed by an agent and a robot_node, each in a process of its own."""
+def _on_the_robot(
+    simulated: Any, scenes: int, tags: bool, relay: bool, delays: list[float]
+) -> list[bool]:
+    """Whether programs are executed by an agent and a robot_node, each in a process of its own.
+
+    :param delays: receives the milliseconds from each command to the velocity that follows it.
+    """
     import rclpy
 
     from pa_ros.ros.environment import prepare_environment
@@ -83,7 +98,7 @@ def _on_the_robot(simulated: Any, scenes: int, tags: bool) -> list[bool]:
     python, started = sys.executable, []
     with tempfile.TemporaryDirectory() as folder:
         described = yaml.safe_load((EXAMPLES / "robot.yaml").read_text())
-        described["dry_run"] = False
+        described |= {"dry_run": False, "relay": relay}
         if not tags:
             for name, thing in described["objects"].items():
                 described["objects"][name] = {"words": thing["words"], "frame": name}
@@ -98,6 +113,7 @@ def _on_the_robot(simulated: Any, scenes: int, tags: bool) -> list[bool]:
         ]
         rclpy.init(args=["--ros-args", "-p", f"tags:={str(tags).lower()}"])
         arm = simulated.ArmDriver()
+        written = _listen(arm, delays)
         try:
             started = [subprocess.Popen([python, *command]) for command in commands]
             return _execute(simulated, arm, scenes)
@@ -106,10 +122,24 @@ def _on_the_robot(simulated: Any, scenes: int, tags: bool) -> list[bool]:
                 process.terminate()
             for process in started:
                 process.wait()
+            written.close()
             arm.close()
             release(arm)
             arm.destroy_node()
             rclpy.shutdown()
+
+
+def _listen(arm: Any, delays: list[float]) -> WrittenMessages:
+    """Note the milliseconds from the writing of each command to that of the next velocity."""
+    commanded: list[float] = []
+
+    def process(topic: int, _message: Any, written_s: float) -> None:
+        if topic == 0:
+            commanded[:] = [written_s]
+        elif commanded and written_s >= commanded[0]:
+            delays.append((written_s - commanded.pop()) * 1e3)
+
+    return WrittenMessages(arm, (topics.JOINT_COMMANDS, topics.VELOCITY_COMMANDS), process)
 
 
 def _execute(simulated: Any, arm: Any, scenes: int) -> list[bool]:
