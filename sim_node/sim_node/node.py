@@ -157,6 +157,8 @@ class SimNode(ArenaNode):
             return OK, f"waits for a program ({topics.PROGRAM.name})"
         if self._agents.fault:
             return ERROR, self._agents.fault
+        if self._void:
+            return ERROR, f"the last episode was void: {self._void}"
         if not self._real_time and rate == 0.0:
             name = topics.JOINT_COMMANDS.name
             return WARN, f"waits for an agent's command ({name}): does agent_node run, and act?"

@@ -10,10 +10,13 @@ import time
 import uuid
 from abc import abstractmethod
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from pa_ros.arena import PhysicsError
+from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Step
+from pa_ros.core.extensions import ExtensionError
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.lifecycle import ManagedNode
@@ -44,6 +47,7 @@ class ArenaNode(ManagedNode):
         self._announced: ActiveProgram | None = None
         self._features_message = topics.OBJECT_FEATURES.type()  # filled again at each step
         self._published_at = -math.inf
+        self._void: PaError | None = None  # why the last episode was void
         self._core_s = 0.0  # time spent in the arena itself
         self._create_publishers()
         self.session.begin()  # published once somebody subscribes
@@ -91,19 +95,24 @@ class ArenaNode(ManagedNode):
 
     def _step(self, advance: Callable[..., Step], *given: Any) -> None:
         """Advance the arena by one control period and publish the step that it led to."""
-        started = time.perf_counter()
         try:
-            step = advance(*given)
-        except PhysicsError as error:
-            self.refusals.refuse("physics", error)
-            self._publish(self.session.begin())
-            return
+            self._advance(advance, *given)
+        except (PhysicsError, ExtensionError) as error:
+            self.refusals.refuse("the episode is void", error)
+            self._void = error
+            with suppress(ExtensionError):  # a reset begins the next one then
+                self._publish(self.session.begin())
+
+    def _advance(self, advance: Callable[..., Step], *given: Any) -> None:
+        started = time.perf_counter()
+        step = advance(*given)
         advanced = time.perf_counter()
         self._publish(step)
         published = time.perf_counter()
         ended = self.session.finish_step()
         self._core_s += advanced - started + time.perf_counter() - published
         if ended:
+            self._void = None
             self._publish(self.session.current)
 
     def _publish(self, step: Step) -> None:

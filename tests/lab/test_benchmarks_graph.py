@@ -65,7 +65,7 @@ def test_a_program_on_a_robot(monkeypatch):
     monkeypatch.setattr(rehearsal, "SETTLE_S", 0.5)
     found = rehearsal.run(Namespace(scenes=1, tags=False, no_relay=False))
     assert found["arena"] == found["robot"] == 1.0
-    assert 0 < found["command_p50_ms"] <= found["command_p99_ms"]
+    assert 0 < float(found["command_p50_ms"]) <= float(found["command_p99_ms"])
 
 
 @pytest.fixture(scope="module")

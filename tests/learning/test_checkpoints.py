@@ -1,5 +1,6 @@
 """Checkpoints are plain files; a damaged one, or another learner's, is rejected with a reason."""
 
+import errno
 import json
 import os
 from pathlib import Path
@@ -165,6 +166,39 @@ def test_a_damaged_checkpoint_costs_no_more_than_itself(saved, name, damage) -> 
     kept = sorted(path.name for path in saved.iterdir() if path.is_dir())
     assert kept == ["damaged-version-000000005", "version-000000004", "version-000000006"]
     assert newest_whole(saved) == (saved / "version-000000006", "")
+
+
+def test_foreign_files_and_folders_are_no_damage_and_stay(saved) -> None:
+    newest = saved / "version-000000005"
+    for name in (".DS_Store", "notes.txt", "old.safetensors"):
+        (newest / name).write_text("mine")
+    (newest / ".ipynb_checkpoints").mkdir()
+    (newest / "link").symlink_to("nowhere")
+    assert newest_whole(saved) == (newest, "")
+    restore(saved, learner())
+
+
+@pytest.mark.parametrize("number", [errno.EINVAL, errno.ENOTSUP])
+def test_a_file_system_that_cannot_sync_a_folder_keeps_checkpoints(tmp_path, monkeypatch, number):
+    def sync(descriptor: int) -> None:
+        if os.path.isdir(f"/proc/self/fd/{descriptor}"):
+            raise OSError(number, "cannot sync")
+
+    monkeypatch.setattr(os, "fsync", sync)
+    run(tmp_path / "run", 40)
+    assert newest_whole(tmp_path / "run" / "checkpoint")[1] == ""
+
+
+def test_a_folder_that_cannot_be_written_ends_a_run_before_it_starts(tmp_path, monkeypatch) -> None:
+    def fail(descriptor: int) -> None:
+        raise OSError(errno.EIO, "bad disk")
+
+    monkeypatch.setattr(os, "fsync", fail)
+    monkeypatch.setattr(Learner, "consume", lambda *_: pytest.fail("it began to learn"))
+    with pytest.raises(CheckpointError, match="bad disk"):
+        run(tmp_path / "run", 40)
+    monkeypatch.undo()
+    run(tmp_path / "run", 40)  # and leaves nothing that is in the way
 
 
 def test_acting_reads_no_replay_so_it_survives_a_damaged_one(saved) -> None:

@@ -14,6 +14,7 @@ from pa_ros.arena.config import ArenaConfig, Joints
 from pa_ros.arena.designs import Design, Kind
 from pa_ros.arena.errors import ArenaError
 from pa_ros.core.experience import Float32
+from pa_ros.core.extensions import guarded
 from pa_ros.language import Goal, Program, stages
 from pa_ros.language.syntax import SIZE
 from pa_ros.world.schema import MIDDLE_EDGE_M, ObjectSchema
@@ -73,7 +74,9 @@ def generate(
     the table.
     """
     rng = np.random.default_rng([seed, RANDOM_STREAM, index])
-    return design.skill.draw(config, design, condition, index, rng)
+    draw = guarded(f"skill {design.skill_name}", design.skill.draw)
+    episode: Episode = draw(config, design, condition, index, rng)
+    return episode
 
 
 def spots_for(

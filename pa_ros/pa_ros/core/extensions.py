@@ -10,11 +10,21 @@ import hashlib
 import importlib
 import importlib.util
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial, wraps
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from pa_ros.core.errors import ConfigError, PaError
+
+OWN = "pa_ros."  # modules of this package
+
+
+class ExtensionError(PaError):
+    """A function of an extension that failed, or returned something else than it must."""
+
+    code = "extension.failed"
 
 
 def load(extensions: Iterable[str]) -> tuple[ModuleType, ...]:
@@ -50,3 +60,39 @@ def _load_file(path: Path) -> ModuleType:
             del sys.modules[name]
             raise
     return sys.modules[name]
+
+
+def guarded(
+    what: str, function: Callable[..., Any], fits: Callable[..., bool] = lambda *_: True
+) -> Callable[..., Any]:
+    """A function of an extension whose faults are ExtensionErrors; a function of this package as it
+    is.
+
+    :param what: names it in errors ("reward Shaped").
+    :param fits: receives a result and the arguments; whether it is what the function must return.
+    """
+    inner = function
+    while isinstance(inner, partial):
+        inner = inner.func
+    module = getattr(inner, "__module__", "") or ""
+    if module.startswith(OWN):
+        return function
+
+    def fault(got: str) -> ExtensionError:
+        file = getattr(sys.modules.get(module), "__file__", None) or module
+        return ExtensionError(f"{what} of the extension {file}: expected a result, got {got}")
+
+    @wraps(function)
+    def call(*arguments: Any) -> Any:
+        try:
+            result = function(*arguments)
+            good = fits(result, *arguments)
+        except PaError:
+            raise
+        except Exception as error:  # custom code may raise anything
+            raise fault(f"{type(error).__name__}: {error}") from error
+        if not good:
+            raise fault(repr(result)[:200])
+        return result
+
+    return call

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -38,6 +40,18 @@ def write_whole(path: Path, text: str) -> None:
     """Write a file by `written_beside`, with line ends as they are."""
     with written_beside(path) as beside, beside.open("w", newline="") as file:
         file.write(text)
+
+
+def sync(descriptor: int) -> None:
+    """Write an open file or folder through to the disk.
+
+    A file system that cannot sync it (CIFS and some virtual ones say so of folders) does without.
+    """
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS, errno.EBADF):
+            raise
 
 
 def take_lock(descriptor: int) -> bool:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file
 
+from pa_ros.core.files import sync
 from pa_ros.learning.errors import CheckpointError
 
 LATEST = "LATEST"
@@ -148,7 +149,8 @@ def make_latest(checkpoint: Path) -> None:
 
 
 def check_files(directory: Path, names: Collection[str] = ()) -> None:
-    """Raise CheckpointError, naming the file, if one of `names` is damaged; by default, any file.
+    """Raise CheckpointError, naming the file, if one of `names` is damaged; by default, any file of
+    the checkpoint. Other files in its folder do not matter.
 
     A flipped bit in a weight is a finite number, too; only a checksum shows it. Shipped policies
     have no checksums: the package manager checked them.
@@ -160,8 +162,7 @@ def check_files(directory: Path, names: Collection[str] = ()) -> None:
         text = sums.read_text("ascii")
         lines = [line.split("  ", 1) for line in text.splitlines()]
         stated = {name: digest for digest, name in lines}
-        present = [path.name for path in directory.glob("*.*")]
-        for name in names or {*present, *stated}:
+        for name in names or {METADATA, *stated}:
             found = _digest(directory / name)
             if found != stated.get(name):
                 raise CheckpointError(
@@ -207,7 +208,7 @@ def write_synced(path: Path, *pieces: Any) -> str:
             file.write(piece)
             digest.update(piece)
         file.flush()
-        os.fsync(file.fileno())
+        sync(file.fileno())
     return digest.hexdigest()
 
 
@@ -221,7 +222,7 @@ def _digest(path: Path) -> str:
 def _sync_folder(path: Path) -> None:
     descriptor = os.open(path, os.O_RDONLY)
     try:
-        os.fsync(descriptor)
+        sync(descriptor)
     finally:
         os.close(descriptor)
 

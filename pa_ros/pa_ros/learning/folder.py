@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import IO
 
 from pa_ros.core.files import take_lock
-from pa_ros.learning.checkpoint_files import LATEST, completed
+from pa_ros.learning.checkpoint_files import LATEST, completed, write_synced
 from pa_ros.learning.errors import CheckpointError
 
 
@@ -30,6 +31,19 @@ def refuse_used(folder: Path) -> None:
         )
 
 
+def _try_to_write(folder: Path) -> None:
+    """Do what writing a checkpoint does, before a run of hours. Raises CheckpointError."""
+    trial, renamed = folder / ".trial", folder / ".tried"
+    try:
+        shutil.rmtree(renamed, ignore_errors=True)  # of a run that was killed here
+        trial.mkdir(exist_ok=True)
+        write_synced(trial / "file", b"1")
+        trial.replace(renamed)
+        shutil.rmtree(renamed)
+    except OSError as error:
+        raise CheckpointError(f"{folder}: {error}") from error
+
+
 def claim(folder: Path, resume: bool = False) -> IO[bytes]:
     """Lock a run's folder until the returned file is closed or the process ends.
 
@@ -50,6 +64,7 @@ def claim(folder: Path, resume: bool = False) -> IO[bytes]:
             )
         if not resume:
             refuse_used(folder)
+        _try_to_write(folder)
     except CheckpointError:
         lock.close()
         raise

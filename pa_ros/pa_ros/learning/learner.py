@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32, PolicySnapshot
+from pa_ros.core.extensions import guarded
 from pa_ros.core.update import Batch, Engine
 from pa_ros.language import Program
 from pa_ros.learning.algorithms import ALGORITHMS
@@ -90,6 +91,7 @@ class Learner:
         )
         make_engine = ALGORITHMS[config.ALGORITHM].make_engine
         self.engine: Engine = make_engine(network, config, self.table, self.rng)
+        self._update = guarded(f"algorithm {config.ALGORITHM}", self.engine.update)
         if attach := getattr(self.engine, "attach", None):
             attach(self)
         kept = config.schedule.versions_kept
@@ -154,7 +156,7 @@ class Learner:
     def update(self, updates: int) -> None:
         """Make this many updates, whether due or not; LearningError without transitions."""
         for batch in self.batches(updates):
-            self.engine.update(batch)
+            self._update(batch)
             self.counters.updates += 1
 
     def batches(self, updates: int) -> Iterator[Batch]:

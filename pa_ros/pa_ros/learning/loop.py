@@ -13,7 +13,7 @@ import numpy as np
 
 from pa_ros.acting.executing import Actor
 from pa_ros.acting.learning_agent import LearningAgent
-from pa_ros.core.errors import ConfigError
+from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.experience import Float64, PublishedPolicy, Step
 from pa_ros.language import PRODUCT, Program
 from pa_ros.learning.config import LearnerConfig, TrainConfig
@@ -49,6 +49,7 @@ def train(
     :param max_speed: [J] rad/s; an action's velocity command is the action times it.
     :param evaluate: scores an actor every `config.evaluate_every_frames`.
     :raises ConfigError: for settings that do not work in one process.
+    :raises PaError: for what ends the training; what was learned before is saved.
     :raises CheckpointError: if there is no checkpoint to resume from that fits the settings.
     :raises CheckpointError: if another run uses `config.out`, or left a checkpoint there and
         `resume` is false.
@@ -101,9 +102,9 @@ def train(
                         records.save_if_there_is_room()
                 thread.drain()
                 records.finish()
-        except DivergedError as error:
-            if error.restored:  # the learner is as it was before the update that diverged
-                records.save()
+        except PaError as error:  # such as a void episode, or a fault of an extension
+            if not isinstance(error, DivergedError) or error.restored:
+                records.save_if_there_is_room()
             raise
     return learner
 

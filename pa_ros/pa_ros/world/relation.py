@@ -11,18 +11,25 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from math import isfinite, pi, radians, tan
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64
+from pa_ros.core.extensions import guarded
 from pa_ros.core.registry import Registry
 from pa_ros.language.syntax import HAND
 from pa_ros.world.poses import IDENTITY, POSE_WIDTH, in_base, in_hand
 
 Measure = Callable[[Float64, Float64], Float64]
 Place = Callable[[Float64, Float64, float], Float64]
+
+
+def _fits(measures: Any, first: Float64, second: Float64) -> bool:
+    """Whether there is a number for each pair of poses."""
+    shape = np.broadcast_shapes(first.shape[:-1], second.shape[:-1])
+    return np.shape(measures) == shape and not np.isnan(measures).any()
 
 
 @dataclass(frozen=True)
@@ -66,6 +73,8 @@ class Relation:
                     f"relation {self.name}: {what}: expected numbers {list(shape)} without NaN, "
                     f"got {numbers!r}"
                 )
+        measure = guarded(f"relation {self.name}: measure", self.measure, _fits)
+        object.__setattr__(self, "measure", measure)
 
     def check(self, threshold: float) -> None:
         """Raise ConfigError unless a threshold is positive and finite."""
