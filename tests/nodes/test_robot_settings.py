@@ -95,12 +95,5 @@ def test_a_file_that_is_no_mapping_is_named(tmp_path, text):
         load_robot(tmp_path / "nowhere")
 
 
-def test_an_object_that_stands_twice_is_named(tmp_path):
-    path = tmp_path / "robot.yaml"
-    path.write_text("objects:\n  cup: {frame: a}\n  cup: {frame: b}\n")
-    with pytest.raises(ConfigError, match="line 3: expected each name once, got 'cup' twice$"):
-        load_robot(path)
-
-
 def test_quaternions_get_length_1():
     assert pose_of((0, 0, 0, 0, 0, 0, 1.05)).tolist() == [0, 0, 0, 0, 0, 0, 1]
