@@ -21,6 +21,13 @@ def test_what_is_right_is_what_yaml_says():
     assert read_yaml("rate: 1e-4") == {"rate": 1e-4}  # as ROS reads it
 
 
+@pytest.mark.parametrize("text", ["a: 1\nb: 2\na: 1", "b: {a: 1, c: [],\n\n a: 2}"])
+def test_a_name_that_stands_twice_is_an_error_with_its_line(text):
+    with pytest.raises(ValueError, match="^line 3: expected each name once, got 'a' twice$"):
+        read_yaml(text)
+    assert read_yaml("a: &a {x: 1}\nb: &b {<<: *a, x: 2}\nc: {<<: *b}")["c"] == {"x": 2}
+
+
 def test_the_nearest_name_is_suggested() -> None:
     known = ["learner.updates.discount", "learner.updates.per_frame", *map(str, range(9))]
     for name in ("learner.updates.discont", "discount"):

@@ -61,7 +61,35 @@ def test_frames_that_nothing_joins_are_named():
     tree.add("map", "tag", Placed(np.eye(7)[6]))
     assert "does not join 'tag' and 'world'" in refused(tree.pose, "world", "tag")[1]
     assert "did you mean 'hand'" in refused(tree.pose, "world", "hend")[1]
-    assert refused(tree.add, "hand", "world", Placed(np.eye(7)[6]))[0] == "robot.frames"
+    tree.hear({"gripper"})
+    assert "did you mean 'gripper'" in refused(tree.pose, "world", "griper")[1]
+
+
+def test_frames_above_a_wanted_one_become_wanted_in_any_order():
+    tree, pose = FrameTree(), Placed(np.eye(7)[6])
+    tree.want(["hand", "world"])
+    tree.add("world", "base", pose)  # static ones are sent once, and early
+    tree.add("base", "wrist", pose)
+    assert tree.wanted == ("hand", "world")
+    tree.add("wrist", "hand", pose)
+    assert tree.wanted == ("hand", "wrist", "base", "world")
+
+
+def test_a_transform_that_closes_a_circle_or_makes_the_tree_too_deep_is_forgotten():
+    tree, pose = FrameTree(), Placed(np.eye(7)[6])
+    tree.want(["hand"])
+    tree.add("world", "hand", pose)
+    assert refused(tree.add, "hand", "world", pose)[0] == "robot.frames"
+    assert refused(tree.add, "hand", "hand", Placed(np.eye(7)[6], 9))[0] == "robot.frames"
+    for parent, child in (("a", "b"), ("b", "a")):  # of nobody's interest, until now
+        tree.add(parent, child, pose)
+    assert refused(tree.add, "a", "world", pose)[0] == "robot.frames"
+    assert tree.wanted == ("hand", "world") and tree.pose("world", "hand").stamp_ns == 0
+    tree.add("0", "world", pose)
+    with pytest.raises(ArenaError, match="at most 100 frames"):
+        for i in range(200):
+            tree.add(str(i + 1), str(i), pose)
+    assert tree.pose("world", "hand").pose.tolist() == pose.pose.tolist()
 
 
 def test_the_same_measurement_sent_again_is_not_newer():

@@ -1,10 +1,14 @@
 """robot_node drives an arm through standard topics, and every way to stop it stops it."""
 
+import math
 import os
 import signal
 
 import pytest
 import yaml
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
 
 from helpers.graph import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, User, graph
 from helpers.robots import SIMULATED, Table, robot_values
@@ -36,6 +40,19 @@ def test_the_arm_holds_while_a_measurement_is_lost_and_says_which(table, lost):
     assert table.stops("holds: joint_states" if lost == "joints" else f"holds: {lost}")
     table.lost.clear()
     assert table.moves()
+
+
+def test_the_arm_moves_on_beside_large_messages_and_bad_entries(table):
+    assert table.moves()
+    tf, joints = (table.probe.speaker(topic) for topic in (topics.TF, topics.JOINT_STATES))
+    link = TransformStamped(child_frame_id="hand")
+    link.header.frame_id, link.transform.rotation.w = "world", math.nan
+    tf.publish(TFMessage(transforms=[link] * 1_000))
+    tf.publish(TFMessage(transforms=[link]))
+    joints.publish(JointState(name=["finger"], velocity=[math.nan]))
+    told = lambda code: table.probe.value("robot_node", f"refused.{code}")  # noqa: E731
+    assert table.probe.until(lambda: told("robot.size") and told("wire.non_finite"))
+    assert table.probe.until(lambda: table.probe.message("robot_node") == "running")
 
 
 def test_the_arm_holds_without_an_agent(table):

@@ -1,5 +1,7 @@
 """robot.yaml: what it says is read; each wrong value is one clear error."""
 
+import math
+
 import pytest
 import yaml
 
@@ -35,6 +37,25 @@ def test_a_file_says_what_measures_each_object(tmp_path):
             "joints[5]: sign: expected one of [1, -1]",
         ),
         ({"joints": [*JOINTS[:5], {"nam": "j"}]}, "joints[5]: nam"),
+        ({"joints": [*JOINTS[:5], JOINTS[0]]}, "joints[5].name: expected a name of its own, got"),
+        (
+            {"joints": [{"name": ""}, *JOINTS[1:]]},
+            "joints[0].name: expected a name of its own, got ''",
+        ),
+        ({"joints": [{"name": "j", "offset": 1e300}, *JOINTS[1:]]}, "joints[0]: offset: expected"),
+        ({"base_frame": ""}, "base_frame: expected a name of its own, got ''"),
+        ({"base_frame": "hand"}, "hand_frame: expected a name of its own, got 'hand', as base_f"),
+        ({"objects": {"hand": CUBE}}, "objects.hand: expected another name"),
+        (
+            {"objects": {"a": CUBE, "b": {**CUBE, "words": ["RED", "SPHERE"]}}},
+            "objects.b: expected",
+        ),
+        (
+            {"objects": {"a": {**CUBE, "frame": "world"}}},
+            "objects.a: expected a name of its own, got",
+        ),
+        ({"objects": {"a": {**CUBE, "offset": [math.nan, 0, 0]}}}, "objects.a: offset: expected"),
+        ({"hand_offset": [0, 0, 1e300]}, "hand_offset: expected numbers of at most 100"),
         ({"objects": {}}, "objects: expected names with their settings"),
         ({"objects": {"a": {"words": ["RED", "CUBE"]}}}, "objects.a: expected exactly one of"),
         ({"objects": {"a": {**CUBE, "topic": "f"}}}, "objects.a: expected exactly one of"),

@@ -9,7 +9,18 @@ import yaml
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML 1.2's floats, as ROS reads them: PyYAML takes 1e-4 for text."""
+    """YAML 1.2's floats, as ROS reads them, and no name twice: PyYAML takes 1e-4 for text, and
+    ignores the first of two equal names."""
+
+    def compose_mapping_node(self, anchor: Any) -> Any:
+        node = super().compose_mapping_node(anchor)
+        names = set()
+        for key, _ in node.value:
+            name, line = str(key.value), key.start_mark.line + 1
+            if name in names:
+                raise yaml.YAMLError(f"line {line}: expected each name once, got {name!r} twice")
+            names.add(name)
+        return node
 
 
 _EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from simulation_interfaces import srv as simulator
@@ -21,7 +22,7 @@ from vision_msgs.msg import Detection3DArray
 from visualization_msgs.msg import MarkerArray
 
 from msgs_schema import msg, srv
-from pa_ros.wire import Message
+from pa_ros.wire import Message, WireError
 
 
 def quality(
@@ -48,7 +49,7 @@ EXPERIENCE = quality(depth=1, keep_all=True)
 # both.
 POLICY = quality(depth=4, latched=True)
 
-# Pictures are large, and soon out of date.
+# Pictures, and what is found in them, are large, and soon out of date.
 PICTURE = quality(depth=2)
 
 # Deep enough to answer all requests that arrive at once; ROS's default of 10 loses the others.
@@ -66,6 +67,7 @@ class Topic:
     type: Any
     writer: QoSProfile
     reader: QoSProfile
+    as_bytes: bool = False  # whether subscribers receive serialized messages
 
     def within(self, namespace: str) -> Topic:
         """The same topic in a namespace below the node's or, with a slash, anywhere."""
@@ -77,7 +79,21 @@ class Topic:
 
     def subscribe(self, node: Node, callback: Callable[[Message], object]) -> Any:
         """Call back with each message."""
-        return node.create_subscription(self.type, self.name, callback, self.reader)
+        return node.create_subscription(
+            self.type, self.name, callback, self.reader, raw=self.as_bytes
+        )
+
+    def parse(self, payload: bytes, names: Iterable[str] = ("",)) -> Message | None:
+        """The message of bytes that a subscriber received; None unless one of the names is in it.
+
+        Raises WireError (`wire.truncated`).
+        """
+        if not any(name.encode() in payload for name in names):
+            return None
+        try:
+            return Message(deserialize_message(payload, self.type))
+        except Exception as error:  # the middleware has its own
+            raise WireError(self.name, "a message", error, code="wire.truncated") from error
 
 
 OBJECT_FEATURES = Topic("object_features", msg.ObjectFeatures, STEP, STEP)
@@ -113,7 +129,7 @@ TF = Topic("tf", TFMessage, STEP, STEP)
 TF_STATIC = Topic("tf_static", TFMessage, LATCHED, LATCHED_READER)
 
 # From a robot's sensors.
-DETECTIONS = Topic("detections", Detection3DArray, STEP, STEP)
+DETECTIONS = Topic("detections", Detection3DArray, STEP, PICTURE)
 
 
 def tracked_pose(name: str) -> Topic:

@@ -2,57 +2,152 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+import struct
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Point, PoseStamped
 from sensor_msgs.msg import JointState
-from tf2_msgs.msg import TFMessage
 from vision_msgs.msg import Detection3DArray
 from visualization_msgs.msg import Marker, MarkerArray
 
 from pa_ros.core.experience import Float64
-from pa_ros.wire.fields import header_stamp, read_array, write_stamp, write_vector
+from pa_ros.wire import LONGEST, WireError
+from pa_ros.wire.fields import NS, header_stamp, read_array, write_stamp, write_vector
 from pa_ros.wire.step import LARGEST
-from pa_ros.wire.views import read_pose
 
 Measurement = tuple[str, str, Float64, int]
 """Parent frame, child frame, pose [7] of the child in its parent, stamp in ns."""
+Refuse = Callable[[WireError], object]
+"""Receives why one wanted entry of a message cannot be used. The others are used."""
+UNIT = 0.9, 1.1  # accepted lengths of a unit quaternion
+LITTLE_ENDIAN = b"\0\1"  # begins a message in CDR
+COUNT, HEADER, POSE = struct.Struct("<I"), struct.Struct("<iII"), struct.Struct("<7d")
 LABEL_M, ARROW_M = 0.04, 0.01  # sizes of markers
 ARROW_S = 0.5  # an arrow shows where the hand would be then
 
 
-def decode_transforms(message: TFMessage) -> list[Measurement]:
-    """The transforms of tf. Raises WireError."""
-    found = []
-    for one in message.transforms:
-        moved = one.transform
-        pose = read_pose(f"tf.{one.child_frame_id}", moved.translation, moved.rotation)
-        found.append((one.header.frame_id, one.child_frame_id, pose, header_stamp(one)))
-    return found
+def decode_transforms(
+    payload: bytes, wanted: Iterable[str] | None, refuse: Refuse
+) -> tuple[list[Measurement], set[str]]:
+    """The transforms of wanted frames and of those above them; and the names of all child frames.
+
+    Reads the bytes of a tf2_msgs/TFMessage itself: rclpy takes 15 µs for each transform, and most
+    are of frames that nobody wants. The last one of a frame counts. Raises WireError if the bytes
+    are no such message.
+
+    :param wanted: child frames; None: all.
+    """
+    entries = _transform_entries(payload)
+    children, measured = set(entries), []
+    frames = list(entries if wanted is None else wanted)
+    for child in frames:
+        if child not in entries:
+            continue
+        parent, stamp_ns, numbers = entries.pop(child)
+        frames.append(parent)
+        name, pose = f"tf.{child[:LONGEST]}", POSE.unpack(numbers)
+        try:
+            measured.append(_measurement(name, parent, child, pose, stamp_ns))
+        except WireError as error:
+            refuse(error)
+    return measured, children
+
+
+def _transform_entries(payload: bytes) -> dict[str, tuple[str, int, bytes]]:
+    """The parent, the stamp (ns) and the pose's bytes of each child frame in a TFMessage."""
+    if payload[:2] != LITTLE_ENDIAN:
+        expected = "little-endian CDR"
+        raise WireError("tf", expected, f"bytes {payload[:4]!r}", code="wire.encoding")
+    body, at, entries = payload[4:], COUNT.size, {}
+    try:
+        for _ in range(*COUNT.unpack_from(body)):
+            sec, nanosec, length = HEADER.unpack_from(body, at)
+            parent, at = _text(body, at + HEADER.size, length)
+            at += -at % 4
+            (length,) = COUNT.unpack_from(body, at)
+            child, at = _text(body, at + COUNT.size, length)
+            at += -at % 8
+            numbers, at = body[at : at + POSE.size], at + POSE.size
+            entries[child] = parent, sec * NS + nanosec, numbers
+    except struct.error:
+        at = len(body) + 1
+    if at > len(body):
+        size = f"{len(payload)} bytes"
+        raise WireError("tf", "a whole TFMessage", size, code="wire.truncated")
+    return entries
+
+
+def _text(body: bytes, at: int, length: int) -> tuple[str, int]:
+    """A text that ends with a zero byte, and where it ends."""
+    return body[at : at + length - 1].decode(errors="replace"), at + length
 
 
 def decode_tracked(message: PoseStamped, name: str) -> Measurement:
     """A tracker's pose as that of the frame `name`. Raises WireError."""
-    pose = read_pose("pose", message.pose.position, message.pose.orientation)
-    return str(message.header.frame_id), name, pose, header_stamp(message)
+    numbers = _pose_numbers(message.pose)
+    return _measurement("pose", message.header.frame_id, name, numbers, header_stamp(message))
 
 
-def decode_detections(message: Detection3DArray, wanted: Mapping[str, str]) -> list[Measurement]:
-    """The detection of each wanted class with the highest score. Raises WireError.
+def decode_detections(
+    message: Detection3DArray, wanted: Mapping[str, str], refuse: Refuse
+) -> list[Measurement]:
+    """The detection of each wanted class with the highest score.
+
+    Its pose is that in `results` or, where a detector leaves that empty, `bbox.center`.
 
     :param wanted: the frame that gets a class's pose, by class.
     """
-    best: dict[str, tuple[float, Measurement]] = {}
-    for found in message.detections:
-        for result in found.results:
-            kind, score = str(result.hypothesis.class_id), float(result.hypothesis.score)
-            if kind in wanted and not score <= best.get(kind, (-np.inf,))[0]:
-                placed = result.pose.pose
-                pose = read_pose(f"detections.{kind}", placed.position, placed.orientation)
-                frame = found.header.frame_id or message.header.frame_id
-                best[kind] = score, (frame, wanted[kind], pose, header_stamp(message))
-    return [one for _, one in best.values()]
+    best: dict[str, tuple[float, Any, Any]] = {}
+    for detection in message.detections:
+        for guess in detection.results:
+            kind, score = str(guess.hypothesis.class_id), float(guess.hypothesis.score)
+            score = -math.inf if math.isnan(score) else score
+            if kind in wanted and (kind not in best or score > best[kind][0]):
+                best[kind] = score, detection, guess
+    measured = []
+    for kind, (score, detection, guess) in best.items():
+        name, frame = f"detections.{kind}", detection.header.frame_id or message.header.frame_id
+        try:
+            if score == -math.inf:
+                raise WireError(f"{name}.score", "a number", "none", code="wire.non_finite")
+            numbers = _filled_pose(name, guess.pose.pose, detection.bbox.center)
+            part = _measurement(name, frame, wanted[kind], numbers, header_stamp(message))
+            measured.append(part)
+        except WireError as error:
+            refuse(error)
+    return measured
+
+
+def _filled_pose(name: str, *poses: Any) -> list[float]:
+    """The numbers of the first pose that is not at its frame's origin. Raises WireError."""
+    for numbers in map(_pose_numbers, poses):
+        if any(numbers[:6]) or numbers[6] not in (0.0, 1.0):
+            return numbers
+    raise WireError(name, "a pose in results or in bbox.center", "none", code="wire.range")
+
+
+def _pose_numbers(pose: Any) -> list[float]:
+    place, turn = pose.position, pose.orientation
+    return [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
+
+
+def _measurement(
+    name: str, parent: str, child: str, numbers: Sequence[float], stamp_ns: int
+) -> Measurement:
+    """A measurement whose pose has a quaternion of length 1. Raises WireError."""
+    if not 0 < len(parent) <= LONGEST:
+        expected = f"the name of the frame that it is in, 1 to {LONGEST} characters"
+        raise WireError(f"{name}.header.frame_id", expected, repr(parent), code="wire.frame")
+    pose = read_array(name, numbers, np.float64, (7,), LARGEST)
+    length = math.hypot(*numbers[3:])
+    if not UNIT[0] <= length <= UNIT[1]:
+        expected = "a quaternion of length 1"
+        raise WireError(f"{name}.orientation", expected, f"length {length}", code="wire.range")
+    pose[3:] /= length
+    return parent, child, pose, stamp_ns
 
 
 def decode_driver_joints(
@@ -63,10 +158,20 @@ def decode_driver_joints(
     received = list(message.name)
     if not set(names) <= set(received):
         return None
-    order, shape = [received.index(name) for name in names], (len(received),)
-    position = read_array("joint_states.position", message.position, np.float64, shape, LARGEST)
-    velocity = read_array("joint_states.velocity", message.velocity, np.float64, shape, LARGEST)
-    return position[order], velocity[order], header_stamp(message)
+    twice = [name for name in names if received.count(name) > 1]
+    if twice:
+        raise WireError("joint_states.name", "each joint once", twice, code="wire.joint_names")
+    order = [received.index(name) for name in names]
+    position = _chosen("joint_states.position", message.position, order, len(received))
+    velocity = _chosen("joint_states.velocity", message.velocity, order, len(received))
+    return position, velocity, header_stamp(message)
+
+
+def _chosen(name: str, values: Sequence[float], order: Sequence[int], count: int) -> Float64:
+    """Some entries of an array that may lack its last ones. Raises WireError."""
+    if not max(order) < len(values) <= count:
+        raise WireError(name, f"{count} numbers, one for each name", len(values), code="wire.size")
+    return read_array(name, [values[i] for i in order], np.float64, (len(order),), LARGEST)
 
 
 def encode_table(

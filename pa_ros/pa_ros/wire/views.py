@@ -19,9 +19,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from pa_ros.core.experience import Body, Float64
 from pa_ros.wire import Message, WireError
-from pa_ros.wire.fields import read_array, read_stamp, read_vector, write_stamp, write_vector
+from pa_ros.wire.fields import read_stamp, read_vector, write_stamp, write_vector
 from pa_ros.wire.simulator import WORLD
-from pa_ros.wire.step import LARGEST
 
 MARKERS = {"box": Marker.CUBE, "sphere": Marker.SPHERE, "cylinder": Marker.CYLINDER}
 OPTICAL_FRAME = "camera_optical_frame"
@@ -29,7 +28,6 @@ LABEL_HEIGHT_M = 0.04  # of capital letters
 LABEL_ABOVE_M = 0.07  # a block's center
 SAME_M = 0.1  # from a marker to the object that it shows
 SHELL = 1.4  # size of a relevance marker, relative to its block
-UNIT = 0.9, 1.1  # accepted lengths of a unit quaternion
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,18 +170,6 @@ def _marker(space: str, number: int, kind: int, body: Body, stamp_ns: int) -> An
 
 def _color(marker: Any, rgba: Sequence[float]) -> None:
     marker.color.r, marker.color.g, marker.color.b, marker.color.a = map(float, rgba)
-
-
-def read_pose(name: str, position: Any, orientation: Any) -> Float64:
-    """A pose [7], with a quaternion of length 1, from its two parts. Raises WireError."""
-    numbers = [*read_vector(position), *read_vector(orientation, "xyzw")]
-    pose = read_array(name, numbers, np.float64, (7,), LARGEST)
-    length = float(np.linalg.norm(pose[3:]))
-    if not UNIT[0] <= length <= UNIT[1]:
-        expected = "a quaternion of length 1"
-        raise WireError(f"{name}.orientation", expected, f"length {length}", code="wire.range")
-    pose[3:] /= length
-    return pose
 
 
 def encode_setpoint(

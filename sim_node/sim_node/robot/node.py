@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from pydantic import Field
 
@@ -37,6 +40,8 @@ from sim_node.robot.output import RobotOutput
 from sim_node.robot.relay import Relay
 from sim_node.robot.settings import load_robot, measured_frame
 
+# Of a message: 600 transforms or 130 detections. A full queue of them takes less than a period.
+LARGEST_BYTES = 64 * 1024
 SHOW_S = 0.25  # wall time between two samples and sets of markers
 
 
@@ -76,15 +81,17 @@ class RobotNode(ManagedNode):
         self.relay = self._start_relay()
         self.output = RobotOutput(self, self.arm, self.relay)
 
-        self.subscribe(topics.JOINT_STATES, self._on_joints)
-        self.subscribe(topics.TF, self._on_transforms)
-        self.subscribe(topics.TF_STATIC, partial(self._on_transforms, static=True))
         things = robot.objects.values()
         self._classes = {t.detection: measured_frame(t.detection) for t in things if t.detection}
+        settings, sources = robot.settings, [thing.source for thing in things]
+        self.arm.frames.want([settings.hand_frame, *sources, settings.base_frame])
+        self._listen(topics.JOINT_STATES, self._on_joints)
+        self._listen(topics.TF, self._on_transforms)
+        self._listen(topics.TF_STATIC, partial(self._on_transforms, static=True))
         if self._classes:
-            self.subscribe(topics.DETECTIONS, self._on_detections)
+            self._listen(topics.DETECTIONS, self._on_detections)
         for topic in {thing.topic for thing in things if thing.topic}:
-            self.subscribe(topics.tracked_pose(topic), partial(self._on_pose, topic))
+            self._listen(topics.tracked_pose(topic), partial(self._on_pose, topic))
         self.subscribe(topics.PROGRAM, self._on_program)
         self.subscribe(topics.JOINT_COMMANDS, self._on_command)
 
@@ -115,26 +122,53 @@ class RobotNode(ManagedNode):
 
     # Measurements
 
-    def _on_joints(self, message: Message) -> None:
-        state = decode_driver_joints(message, self.arm.joints.names)
+    def _listen(self, topic: topics.Topic, use: Callable[[bytes], None]) -> None:
+        """Call back with the bytes of each message that is not too large to be read in time."""
+
+        def receive(payload: Any) -> None:
+            if len(payload) > LARGEST_BYTES:
+                expected = (
+                    f"expected at most {LARGEST_BYTES} bytes in a message, got {len(payload)}"
+                )
+                raise ArenaError(f"{expected}: publish fewer entries in each", "robot.size")
+            use(payload)
+
+        self.subscribe(replace(topic, as_bytes=True), receive)
+
+    def _on_joints(self, payload: bytes) -> None:
+        names = self.arm.joints.names
+        message = topics.JOINT_STATES.parse(payload, names)
+        state = None if message is None else decode_driver_joints(message, names)
         if state is not None:
             self.arm.joints.add(*state, time.monotonic())
 
-    def _on_transforms(self, message: Message, static: bool = False) -> None:
-        for measurement in decode_transforms(message):
+    def _on_transforms(self, payload: bytes, static: bool = False) -> None:
+        # Static ones are sent once: any of them may be wanted later.
+        frames, refuse = self.arm.frames, partial(self.refusals.refuse, "tf")
+        measured, names = decode_transforms(payload, None if static else frames.wanted, refuse)
+        frames.hear(names)
+        for measurement in measured:
             self._place(measurement, static)
 
-    def _on_detections(self, message: Message) -> None:
-        for measurement in decode_detections(message, self._classes):
-            self._place(measurement)
+    def _on_detections(self, payload: bytes) -> None:
+        message = topics.DETECTIONS.parse(payload, self._classes)
+        if message is not None:
+            refuse = partial(self.refusals.refuse, "detections")
+            for measurement in decode_detections(message, self._classes, refuse):
+                self._place(measurement)
 
-    def _on_pose(self, topic: str, message: Message) -> None:
-        self._place(decode_tracked(message, measured_frame(topic)))
+    def _on_pose(self, topic: str, payload: bytes) -> None:
+        message = topics.tracked_pose(topic).parse(payload)
+        if message is not None:
+            self._place(decode_tracked(message, measured_frame(topic)))
 
     def _place(self, measurement: Measurement, static: bool = False) -> None:
         parent, child, pose, stamp_ns = measurement
         placed = Placed(pose) if static else Placed(pose, stamp_ns, time.monotonic())
-        self.arm.frames.add(parent, child, placed)
+        try:
+            self.arm.frames.add(parent, child, placed)
+        except ArenaError as error:  # the other measurements of a message count
+            self.refusals.refuse("tf", error)
 
     # A control step: observation out, command in
 

@@ -20,6 +20,8 @@ from pa_ros.world.poses import IDENTITY
 Entry = TypeVar("Entry", bound=Settings)
 Offset = tuple[float, ...]  # empty, a position (m), or a position and a quaternion xyzw
 Place = tuple[float, float, float]
+HAND = "hand"  # its name among the objects
+FARTHEST = 100.0  # m, of an offset
 
 
 class DriverJoint(Settings):
@@ -27,7 +29,7 @@ class DriverJoint(Settings):
 
     name: str = Field(description="in joint_states and in commands")
     sign: Literal[1, -1] = Field(1, description="-1 if the driver counts the other way")
-    offset: float = Field(0.0, description="rad")
+    offset: float = Field(0.0, ge=-100, le=100, description="rad")
 
 
 class Thing(Settings):
@@ -132,7 +134,25 @@ def read_robot(values: Any) -> Robot:
         raise ConfigError(f"objects: expected at most {MAX_OBJECTS - 1}, got {len(things)}")
     known = {group.name: group.features.values for group in settings.design_of().schema}
     kinds = tuple(_kind(known, name, thing.words) for name, thing in things.items())
-    return Robot(settings, read, things, kinds)
+    robot = Robot(settings, read, things, kinds)
+    _check_distinct(robot)
+    return robot
+
+
+def _check_distinct(robot: Robot) -> None:
+    """Raise ConfigError if two joints have one name, or two things one source."""
+    if HAND in robot.objects:
+        raise ConfigError(f"objects.{HAND}: expected another name: this one is the hand's")
+    things = {f"objects.{name}": thing.source for name, thing in robot.objects.items()}
+    frames = {name: getattr(robot.settings, name) for name in ("base_frame", "hand_frame")}
+    joints = {f"joints[{i}].name": joint.name for i, joint in enumerate(robot.joints)}
+    for names in joints, frames | things:
+        owners: dict[str, str] = {}
+        for owner, name in names.items():
+            if not name or name in owners:
+                other = f", as {owners[name]}" if name else ""
+                raise ConfigError(f"{owner}: expected a name of its own, got {name!r}{other}")
+            owners[name] = owner
 
 
 def pose_of(offset: Offset, name: str = "offset") -> Float64:
@@ -140,6 +160,8 @@ def pose_of(offset: Offset, name: str = "offset") -> Float64:
     pose = IDENTITY.copy()
     if len(offset) not in (0, 3, 7):
         raise ValueError(f"{name}: expected x y z, or x y z qx qy qz qw, got {offset}")
+    if not all(abs(number) <= FARTHEST for number in offset):
+        raise ValueError(f"{name}: expected numbers of at most {FARTHEST:g}, got {offset}")
     pose[: len(offset)] = offset
     length = float(np.linalg.norm(pose[3:]))
     if not 0.9 < length < 1.1:
