@@ -9,6 +9,7 @@ from typing import Any
 
 from agent_node.acting import ActingNode
 from pa_ros.acting.execution import ENDED, Execution, ExecutionWatch
+from pa_ros.core.clock import now_ns
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Step
 from pa_ros.language import stages
@@ -93,7 +94,7 @@ class ProgramGoals:
         if self._current is not None:
             self._abort("goal.replaced", "another goal")
         self._served += 1
-        program_id = f"{self._node.get_name()}-{time.time_ns()}-{self._served}"
+        program_id = f"{self._node.get_name()}-{now_ns()}-{self._served}"
         watch = ExecutionWatch(program_id, wanted.time_limit_s or FOREVER_S, wanted.hold_s)
         request = ProgramRequest(program_id, wanted.text)
         self._current = _Execution(goal, wanted, request, watch, arena_id, count)

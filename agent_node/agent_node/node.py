@@ -16,6 +16,7 @@ from agent_node.outputs import ControllerOutput, RelevanceMarkers
 from agent_node.status import AgentStatus
 from pa_ros.acting.agent import Agent, ArenaFacts
 from pa_ros.acting.learning_agent import LearningAgent
+from pa_ros.core.clock import now_ns
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import (
     AgentKey,
@@ -59,7 +60,7 @@ class AgentNode(ActingNode):
     def configure(self) -> None:
         config = self.config
         self.agent_id = config.agent_id or f"{self.get_name()}-{self._drawn_id}"
-        self.agent = make_agent(config, AgentKey(self.agent_id, time.time_ns()))
+        self.agent = make_agent(config, AgentKey(self.agent_id, now_ns()))
         self.book = ProgramBook(Vocabulary(()), self.agent.check_program)  # until an arena is known
         self.seen, self.given_up = None, ""
         self._handled_ns = self._commanded_ns = -1  # stamps of the newest step taken in, answered

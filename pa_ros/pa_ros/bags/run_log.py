@@ -13,6 +13,7 @@ from pa_ros.arena import ArenaConfig, Design
 from pa_ros.bags.errors import BagFullError
 from pa_ros.bags.format import reliable_qos, topic
 from pa_ros.bags.writer import BagWriter, refuse_existing
+from pa_ros.core.clock import now_ns
 from pa_ros.core.experience import PublishedPolicy
 from pa_ros.language import Program
 from pa_ros.learning.run import LearningRun
@@ -123,7 +124,7 @@ class RunLog:
         """Write a message with a later stamp than the one before: bags are read in that order."""
         assert self._writer is not None
         write, payload = self._writer.write, to_cdr(self._types, message)
-        self._stamp_ns = max(self._stamp_ns + 1, time.time_ns())
+        self._stamp_ns = max(self._stamp_ns + 1, now_ns())
         self._guarded(lambda: write(name, payload, self._stamp_ns))
 
     def _guarded(self, act: Callable[[], None]) -> None:

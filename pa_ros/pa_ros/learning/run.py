@@ -10,6 +10,7 @@ from typing import Any
 from uuid import uuid4
 
 from pa_ros.core import __version__
+from pa_ros.core.clock import now_ns
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, LearnerInfo, PublishedPolicy, TrajectoryKey
 from pa_ros.core.software import here
@@ -42,7 +43,7 @@ class LearningRun:
 
     def opening(self) -> list[PublishedPolicy]:
         """The versions that agents may still need, oldest first."""
-        ids, now = (self.info.run_id, self.info.learner_id), time.time_ns()
+        ids, now = (self.info.run_id, self.info.learner_id), now_ns()
         older = [PublishedPolicy(one, *ids, stamp_ns=now) for one in self.learner.published]
         return [*older[:-1], self.policy()]
 
@@ -112,7 +113,7 @@ class LearningRun:
             self.info.learner_id,
             self.learner.replay.ledger.accounted(),
             self._latest,
-            time.time_ns(),
+            now_ns(),
         )
 
     def _check_age(self, trajectory: Trajectory) -> None:
@@ -157,5 +158,5 @@ def _announcement(learner: Learner, control_period_s: float, run_id: str) -> Lea
         reward=learner.scoring.reward.to_json(),
         algorithm=config.ALGORITHM,
         software_version=__version__,
-        stamp_ns=time.time_ns(),
+        stamp_ns=now_ns(),
     )

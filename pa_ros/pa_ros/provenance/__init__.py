@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from pa_ros.arena import ARMS, ArenaConfig, Design, scoring_of, world_of
 from pa_ros.arena.simulation import HAND_INDEX
 from pa_ros.core import __version__
+from pa_ros.core.clock import now_ns
 from pa_ros.core.software import here
 from pa_ros.language import Program
 from pa_ros.wire.arena import ArenaDescription, Mode
@@ -27,7 +27,7 @@ def origin(node: str, instance: str, seed: int, **of_process: Any) -> Origin:
         seed=seed,
         software_version=__version__,
         versions=here(),
-        stamp_ns=time.time_ns(),
+        stamp_ns=now_ns(),
         **{"parameters": {}, **of_process},
     )
 

@@ -13,6 +13,7 @@ from lifecycle_msgs import srv
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
+from pa_ros.core.clock import now_ns
 from pa_ros.core.errors import PaError
 from pa_ros.core.settings import Settings
 from pa_ros.ros.actions import servers_of
@@ -212,7 +213,7 @@ class ManagedNode(LifecycleNode, ABC):
             self._signer = self._checker = None
             if self.config.auth_key_file:
                 key = read_key(Path(self.config.auth_key_file))
-                self._signer = Signer(key, self.get_fully_qualified_name(), time.time_ns())
+                self._signer = Signer(key, self.get_fully_qualified_name(), now_ns())
                 self._checker = Checker(key)
             self.configure()
         except BaseException:

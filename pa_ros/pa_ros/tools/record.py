@@ -25,6 +25,7 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosReliability
 from pa_ros.bags.errors import BagError, BagFullError
 from pa_ros.bags.format import BEFORE, LOST, reliable_qos, topic
 from pa_ros.bags.writer import BagOptions, BagWriter
+from pa_ros.core.clock import now_ns
 from pa_ros.core.errors import ConfigError
 from pa_ros.ros import topics
 from pa_ros.ros.environment import check_namespace
@@ -172,12 +173,13 @@ class Recorder:
 
     def _drain(self) -> int:
         """Record up to _ROUND waiting messages of each topic; return how many there were."""
-        taken = 0
+        # The middleware's wall clock may be set; distances between messages must stay.
+        taken, offset_ns = 0, now_ns() - time.time_ns()
         for reader in self._readers:
             for payload, info in reader.take():
                 sent_ns, number = info["source_timestamp"], info["publication_sequence_number"]
                 # Some middlewares do not say when a message arrived.
-                log_ns = info["received_timestamp"] or time.time_ns()
+                log_ns = (info["received_timestamp"] or time.time_ns()) + offset_ns
                 self._writer.write(reader.name, payload, log_ns, sent_ns, number or 0)
                 taken += 1
         return taken

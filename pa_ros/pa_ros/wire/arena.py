@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -13,6 +12,7 @@ from uuid import uuid4
 import numpy as np
 
 from msgs_schema import msg
+from pa_ros.core.clock import now_ns
 from pa_ros.core.experience import ENDLESS
 from pa_ros.language import Program, parse
 from pa_ros.wire import WireError
@@ -107,7 +107,7 @@ def describe_robot(
         control_period=control_period_s,
         thresholds=tuple(RELATIONS[name].threshold for name in world.relations),
         episode_steps=ENDLESS,
-        stamp_ns=time.time_ns(),
+        stamp_ns=now_ns(),
         arena_id=uuid4().hex[:8],
     )
 

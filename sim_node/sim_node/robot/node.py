@@ -13,6 +13,7 @@ from typing import Any
 from pydantic import Field
 
 from pa_ros.arena.errors import ArenaError
+from pa_ros.core.clock import now_ns
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, Step
 from pa_ros.ros import topics
@@ -173,8 +174,7 @@ class RobotNode(ManagedNode):
     # A control step: observation out, command in
 
     def _step_once(self) -> None:
-        # Wall time, for people and recordings; it may be set back, and the stamp may not.
-        self._stamp_ns = max(time.time_ns(), self._stamp_ns + 1)
+        self._stamp_ns = now_ns()
         was_lost = self._loss is not None
         try:
             self.output.check()

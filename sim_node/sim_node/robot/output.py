@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pa_ros.core.clock import now_ns
 from pa_ros.core.experience import Float64
 from pa_ros.ros import topics
 from pa_ros.wire.views import encode_setpoint
@@ -87,5 +86,5 @@ class RobotOutput:
         self._arm.believed.sent(self._ramp.velocity, now_s)
         where = joints.to_driver(self._arm.believed.position, self._ramp.velocity)
         if self._relay is None or not self._relay.send(where[1]):
-            setpoint = encode_setpoint(self._form, joints.names, *where, period_s, now_ns())
+            setpoint = encode_setpoint(self._form, joints.names, *where, period_s, time.time_ns())
             self._out.publish(setpoint)

@@ -141,7 +141,6 @@ def main() -> int:
     """Run until robot_node is gone."""
     from rclpy import create_node, shutdown
 
-    from pa_ros.core.clock import now_ns
     from pa_ros.ros import topics
     from pa_ros.ros.environment import prepare_environment, start_ros
     from pa_ros.wire.views import encode_setpoint
@@ -157,7 +156,7 @@ def main() -> int:
     nowhere = np.zeros(len(joints))  # these forms have no positions
 
     def publish(velocity: Float64) -> None:
-        out.publish(encode_setpoint(form, joints, nowhere, velocity, period_s, now_ns()))
+        out.publish(encode_setpoint(form, joints, nowhere, velocity, period_s, time.time_ns()))
 
     with socket.socket(fileno=sys.stdin.fileno()) as link:
         pass_on(link, publish, len(joints), acceleration)
