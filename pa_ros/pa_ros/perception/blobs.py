@@ -15,7 +15,7 @@ from pa_ros.perception.view import BLOCK_M, PLANE_M, Mask, Picture, View, larges
 
 UNLIKE_TABLE = 30  # least difference of a color, 0 to 255
 SHADE, DARKEST = 12, 0.3  # greatest difference of a color in a shadow, and a shadow's least light
-# A camera's picture beyond these is refused. 15 blocks, seen from the corner, hide 0.07 of the table.
+# A camera's picture beyond these is refused. 15 blocks hide 0.07 of the table, seen from a corner.
 LEAST_LIGHT = 0.4  # of the light in which the table is known
 MOST_HIDDEN, MOST_BLOBS = 0.15, 60  # share of the table; about 40 blocks
 SMALLEST, LARGEST = 0.12, 1.75  # of a block's area: less is noise, more is several blocks

@@ -14,6 +14,7 @@ from pa_ros.arena.config import ArenaConfig
 from pa_ros.core.experience import Float32, Float64
 from pa_ros.perception.blobs import Blob, blobs, is_bare, uncovered
 from pa_ros.perception.calibration import Cameras
+from pa_ros.perception.errors import PerceptionError
 from pa_ros.perception.looks import NEEDS_ALL
 from pa_ros.perception.tracker import PushingArm, Tracker
 from pa_ros.perception.view import BLOCK_M, PLANE_M, Mask, Picture, View
@@ -29,7 +30,7 @@ class Sight:
     """All objects seen since the episode began. Their true number is not known.
 
     A row of an observation is of one object until the episode ends, also while it is not seen. Rows
-    are added as objects are found. Of pictures that may be wrong, `tracker` says when a row is lost.
+    are added as objects are found. `tracker` says when pictures that may be wrong take rows away.
     """
 
     def __init__(
@@ -74,17 +75,20 @@ class Sight:
         self.looked = False  # whether a picture was taken in
         self._never_seen = self._within_reach.copy()
 
-    def look(self, pictures: Sequence[Picture], joint_position: Float64) -> None:
+    def look(self, pictures: Sequence[Picture], joint_position: Float64) -> str:
         """Take in a picture of each camera, and the joints (rad) when they were taken.
 
-        PerceptionError, with nothing changed, for a picture of another size, or one that does not
-        show the table (`blobs`).
+        Returns why a picture was not taken in, because it scarcely shows the table, with nothing
+        changed; else an empty text. PerceptionError for a picture of another size.
         """
         for view, picture in zip(self.views, pictures, strict=True):
             view.check(picture)
         arms = [view.arm(joint_position) for view in self.views]
         given = zip(self.views, pictures, arms, strict=True)
-        seen = [blobs(*one, rendered=self._rendered) for one in given]
+        try:
+            seen = [blobs(*one, rendered=self._rendered) for one in given]
+        except PerceptionError as error:
+            return str(error)
         self.looked, found, free = True, [], []
         for camera, (view, arm) in enumerate(zip(self.views, arms, strict=True)):
             found += [replace(blob, camera=camera) for blob in seen[camera]]
@@ -96,6 +100,7 @@ class Sight:
             self._never_seen &= arm
         pushing = PushingArm(self.views[0].hand, free) if self._pushes else None
         self.tracker.update(found, pushing, None if self._rendered else _bare(free, seen))
+        return ""
 
     @property
     def complete(self) -> bool:

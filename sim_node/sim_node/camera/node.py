@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +21,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Step
 from pa_ros.learning.checkpoints import camera_of
 from pa_ros.perception import sight_of
+from pa_ros.perception.errors import PerceptionError
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import ERROR, OK, WARN
@@ -29,7 +31,7 @@ from pa_ros.ros.settings import NodeSettings
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, decode_arena_info, encode_arena_info
 from pa_ros.wire.step import arena_of, decode_step, encode_step
-from pa_ros.wire.views import OPTICAL_FRAME, decode_camera_matrix, decode_image, encode_image
+from pa_ros.wire.views import OPTICAL_FRAME, decode_camera_info, decode_image, encode_image
 
 if TYPE_CHECKING:  # it imports OpenCV
     from pa_ros.perception.sight import Sight
@@ -68,14 +70,15 @@ class CameraNode(ManagedNode):
         self._waiting_since: float | None = None  # s; the newest step waits for its picture
         self._looked_at = time.monotonic()  # when the newest usable picture arrived, s
         self._unseen = ""  # why the arena is not seen
+        self._refused = ""  # why the newest picture, or the camera, is refused
         self._calibrated = False  # whether camera_info is that of the calibration
         self._out = self.advertise(topics.OBJECT_FEATURES.within(SEEN))
         self._info = self.advertise(topics.ARENA_INFO.within(SEEN))
         self._tracks = topics.CAMERA_TRACKS.publisher(self)
         self.subscribe(topics.ARENA_INFO, self._on_arena)
         self.subscribe(topics.OBJECT_FEATURES, self._on_step)
-        self.subscribe(topics.CAMERA_INFO, self._on_info)
-        self.subscribe(topics.CAMERA_IMAGE, self._on_picture)
+        self.subscribe(topics.CAMERA_INFO, self._noting(self._on_info))
+        self.subscribe(topics.CAMERA_IMAGE, self._noting(self._on_picture))
         steady_timer(self, TICK_S, self._wait)
 
     def cleanup(self) -> None:
@@ -133,7 +136,7 @@ class CameraNode(ManagedNode):
         self._steps.append(step)
         self._waiting_since = time.monotonic()
         if (early := self._early) is not None:
-            self._on_picture(early)
+            self._noting(self._on_picture)(early)
 
     def _wait(self) -> None:
         """Publish a step whose picture does not arrive in time: commands must not be late."""
@@ -155,9 +158,21 @@ class CameraNode(ManagedNode):
 
     # Pictures
 
+    def _noting(self, take_in: Callable[[Message], None]) -> Callable[[Message], None]:
+        """Keep for the status why a message is refused."""
+
+        def noted(message: Message) -> None:
+            try:
+                take_in(message)
+            except PaError as error:
+                self._refused = str(error)
+                raise
+
+        return noted
+
     def _on_info(self, message: Message) -> None:
         self._calibrated = False
-        matrix = decode_camera_matrix(message)
+        matrix = decode_camera_info(message).matrix
         if self._sight is None:
             return
         expected = self._sight.views[0].matrix
@@ -174,14 +189,24 @@ class CameraNode(ManagedNode):
         if sight is None or arena is None or not (self._steps and self._calibrated):
             return
         stamp_ns, picture = decode_image(message)
+        away_s = (stamp_ns - self._steps[-1].observation.stamp_ns) / 1e9
+        most_s = KEPT * arena.control_period
+        if abs(away_s) > most_s:
+            raise PerceptionError(
+                f"image.header.stamp: expected one within {most_s:g} s of the newest step, got "
+                f"{abs(away_s):.1f} s {'later' if away_s > 0 else 'earlier'}: do steps arrive, and "
+                "do both clocks agree?",
+                code="perception.stamp",
+            )
         of = min(self._steps, key=lambda step: abs(step.observation.stamp_ns - stamp_ns))
         later_ns = stamp_ns - of.observation.stamp_ns
         # The picture of a step may be served before the step.
         self._early = message if later_ns > arena.control_period * 5e8 else None
         if abs(later_ns) > arena.control_period * 5e8:
             return
-        sight.look([picture], of.observation.joint_position)
-        self._looked_at = time.monotonic()
+        if why := sight.look([picture], of.observation.joint_position):
+            raise PerceptionError(why, code="perception.picture")
+        self._looked_at, self._refused = time.monotonic(), ""
         if of is self._steps[-1] and self._waiting_since is not None:
             self._publish(of)
         if self._tracks.get_subscription_count():
@@ -201,5 +226,9 @@ class CameraNode(ManagedNode):
             return WARN, self._unseen or "waits for an arena (arena_info, object_features)", {}
         if self._age > self.config.timeout_s:
             names = f"{topics.CAMERA_IMAGE.name} and {topics.CAMERA_INFO.name}"
-            return WARN, f"the arm holds: expected {names}, got none for {self._age:.1f} s", {}
-        return OK, f"sees {len(self._sight.tracker.tracks)} objects", {}
+            none = f"the arm holds: expected {names}, got none for {self._age:.1f} s"
+            return WARN, f"{none}: refused {self._refused}" if self._refused else none, {}
+        seen = f"sees {len(self._sight.tracker.tracks)} objects"
+        if self._refused:
+            return WARN, f"{seen}, but the newest picture was refused: {self._refused}", {}
+        return OK, seen, {}
