@@ -46,16 +46,14 @@ def uncovered(view: View, arm: Mask) -> Mask:
     return np.asarray(view.table & (covered == 0))
 
 
-def blobs(view: View, picture: Picture, arm: Mask, rendered: bool = True) -> list[Blob]:
+def blobs(view: View, picture: Picture, arm: Mask) -> list[Blob]:
     """The blobs in a picture, without what shows the arm.
 
-    PerceptionError, unless it is `rendered` by a simulation, for a picture that scarcely shows the
-    table. That is decided before anything takes long.
+    PerceptionError, before anything takes long, for a picture that scarcely shows the table.
     """
     table = uncovered(view, arm)
     unlike = _unlike(picture, view.empty, table)
-    hidden = float(unlike.sum() / max(table.sum(), 1))
-    if not rendered and hidden > MOST_HIDDEN:
+    if (hidden := unlike.sum() / max(table.sum(), 1)) > MOST_HIDDEN:
         raise _refused(f"at most {MOST_HIDDEN:.0%} of it hidden by objects", f"{hidden:.0%}")
     shown = unlike.astype(np.uint8)
     beside_arm = np.asarray(cv2.dilate(arm.astype(np.uint8), ONES, iterations=2) > 0)
@@ -76,21 +74,8 @@ def blobs(view: View, picture: Picture, arm: Mask, rendered: bool = True) -> lis
                 mask = np.zeros(shown.shape, np.bool_)
                 mask[window] = part
                 found.append(_blob(view, picture, mask, beside_arm))
-    if not rendered:
         _check_count(len(found))
     return found
-
-
-def is_bare(view: View, table: Mask, xy: Float64) -> bool:
-    """Whether a picture shows nothing but the table at the middle of a block at `xy`.
-
-    :param table: the pixels that show the table, and neither the arm nor a blob.
-    """
-    column, row = view.pixels(xy, PLANE_M)
-    far = int(BLOCK_M / 4 * view.pixels_per_m(xy))
-    left, top = max(int(column) - far, 0), max(int(row) - far, 0)
-    shown = table[top : int(row) + far + 1, left : int(column) + far + 1]
-    return bool(shown.size) and bool(shown.all())
 
 
 def _unlike(picture: Picture, empty: NDArray[np.int16], table: Mask) -> Mask:

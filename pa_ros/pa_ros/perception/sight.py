@@ -12,7 +12,7 @@ from pa_ros.arena.arms import ARMS
 from pa_ros.arena.camera import PLAIN, Pictures
 from pa_ros.arena.config import ArenaConfig
 from pa_ros.core.experience import Float32, Float64
-from pa_ros.perception.blobs import Blob, blobs, is_bare, uncovered
+from pa_ros.perception.blobs import Blob, blobs, uncovered
 from pa_ros.perception.calibration import Cameras
 from pa_ros.perception.errors import PerceptionError
 from pa_ros.perception.looks import NEEDS_ALL
@@ -84,9 +84,8 @@ class Sight:
         for view, picture in zip(self.views, pictures, strict=True):
             view.check(picture)
         arms = [view.arm(joint_position) for view in self.views]
-        given = zip(self.views, pictures, arms, strict=True)
         try:
-            seen = [blobs(*one, rendered=self._rendered) for one in given]
+            seen = [blobs(*given) for given in zip(self.views, pictures, arms, strict=True)]
         except PerceptionError as error:
             return str(error)
         self.looked, found, free = True, [], []
@@ -160,10 +159,10 @@ class Sight:
 def _bare(
     free: Sequence[tuple[View, Mask]], seen: Sequence[Sequence[Blob]]
 ) -> Callable[[Float64], bool]:
-    """Whether a camera sees the bare table at a place, by the blobs that each camera has seen."""
-    tables = [(view, uncovered | ~view.table) for view, uncovered in free]
-    for (_, table), found in zip(tables, seen, strict=True):
+    """Whether a camera sees neither the arm nor one of its blobs at a place [2], m."""
+    bare = [(view, uncovered | ~view.table) for view, uncovered in free]
+    for (_, mask), found in zip(bare, seen, strict=True):
         for blob in found:
             left, top, right, bottom = blob.box
-            table[top : bottom + 1, left : right + 1] &= ~blob.pixels
-    return lambda xy: any(is_bare(view, table, xy) for view, table in tables)
+            mask[top : bottom + 1, left : right + 1] &= ~blob.pixels
+    return lambda xy: any(view.shows(mask, xy) for view, mask in bare)

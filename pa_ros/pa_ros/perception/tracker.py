@@ -101,10 +101,9 @@ class Tracker:
                 elsewhere.append(blob)
         for blob in elsewhere:
             self._place(blob, parts, pushes=arm is not None)
-        if is_bare is None or self._begins:
-            self._give_rows(self._new)
-        else:
-            self._judge(is_bare)
+        certain = self._new if is_bare is None or self._begins else self._certain(is_bare)
+        self.tracks += certain
+        self._new = [track for track in self._new if track not in certain]
         self._begins = False
         if arm is not None:
             for track in self.tracks:
@@ -128,26 +127,17 @@ class Tracker:
             self._new.append(track)
         parts.setdefault(track, {})[blob.camera] = blob
 
-    def _judge(self, is_bare: Callable[[Float64], bool]) -> None:
-        """Take rows away, or else give new ones. Never both at once: rows would change unnoticed,
-        since their number says that they changed."""
+    def _certain(self, is_bare: Callable[[Float64], bool]) -> list[Track]:
+        """Take rows away, or else say which new tracks get one. Never both at once: agents notice
+        another order of the rows by their number."""
         for track in self.tracks:
-            if track.age == 0:
-                track.bare = 0
-            elif is_bare(track.xy):
-                track.bare += 1
+            track.bare = track.bare + is_bare(track.xy) if track.age else 0
         self._new = [track for track in self._new if track.age == 0]
         for track in self._new:
             track.sightings += 1
         kept = [track for track in self.tracks if track.bare < LOST]
-        if len(kept) < len(self.tracks):
-            self.tracks = kept
-        else:
-            self._give_rows([track for track in self._new if track.sightings >= SIGHTINGS])
-
-    def _give_rows(self, tracks: Sequence[Track]) -> None:
-        self.tracks += tracks
-        self._new = [track for track in self._new if track not in tracks]
+        lost, self.tracks = len(self.tracks) - len(kept), kept
+        return [] if lost else [track for track in self._new if track.sightings >= SIGHTINGS]
 
 
 def _apart(track: Track, blob: Blob) -> float:

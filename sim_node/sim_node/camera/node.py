@@ -69,13 +69,12 @@ class CameraNode(ManagedNode):
         self._early: Message | None = None  # a picture of the next step
         self._waiting_since: float | None = None  # s; the newest step waits for its picture
         self._looked_at = time.monotonic()  # when the newest usable picture arrived, s
-        self._unseen = ""  # why the arena is not seen
-        self._refused = ""  # why the newest picture, or the camera, is refused
+        self._refused = ""  # why the arena, the camera or the newest picture is refused
         self._calibrated = False  # whether camera_info is that of the calibration
         self._out = self.advertise(topics.OBJECT_FEATURES.within(SEEN))
         self._info = self.advertise(topics.ARENA_INFO.within(SEEN))
         self._tracks = topics.CAMERA_TRACKS.publisher(self)
-        self.subscribe(topics.ARENA_INFO, self._on_arena)
+        self.subscribe(topics.ARENA_INFO, self._noting(self._on_arena))
         self.subscribe(topics.OBJECT_FEATURES, self._on_step)
         self.subscribe(topics.CAMERA_INFO, self._noting(self._on_info))
         self.subscribe(topics.CAMERA_IMAGE, self._noting(self._on_picture))
@@ -85,16 +84,24 @@ class CameraNode(ManagedNode):
         if self._sight is not None:
             self._sight.close()
 
+    def _noting(self, take_in: Callable[[Message], None]) -> Callable[[Message], None]:
+        """Keep for the status why a message is refused."""
+
+        def noted(message: Message) -> None:
+            try:
+                take_in(message)
+            except PaError as error:
+                self._refused = str(error)
+                raise
+
+        return noted
+
     # The arena's steps
 
     def _on_arena(self, message: Message) -> None:
         arena = decode_arena_info(message)
-        try:
-            self._arenas.described(arena.arena_id, arena)
-        except PaError as error:
-            self._unseen = str(error)
-            raise
-        self._unseen = ""
+        self._arenas.described(arena.arena_id, arena)
+        self._refused = ""
 
     def _see_for(self, arena: ArenaDescription) -> None:
         """Begin with another arena. PaError for one whose blocks have other properties, or with
@@ -158,18 +165,6 @@ class CameraNode(ManagedNode):
 
     # Pictures
 
-    def _noting(self, take_in: Callable[[Message], None]) -> Callable[[Message], None]:
-        """Keep for the status why a message is refused."""
-
-        def noted(message: Message) -> None:
-            try:
-                take_in(message)
-            except PaError as error:
-                self._refused = str(error)
-                raise
-
-        return noted
-
     def _on_info(self, message: Message) -> None:
         self._calibrated = False
         matrix = decode_camera_info(message).matrix
@@ -189,13 +184,11 @@ class CameraNode(ManagedNode):
         if sight is None or arena is None or not (self._steps and self._calibrated):
             return
         stamp_ns, picture = decode_image(message)
-        away_s = (stamp_ns - self._steps[-1].observation.stamp_ns) / 1e9
-        most_s = KEPT * arena.control_period
-        if abs(away_s) > most_s:
+        apart_s = (stamp_ns - self._steps[-1].observation.stamp_ns) / 1e9
+        if abs(apart_s) > KEPT * arena.control_period:
             raise PerceptionError(
-                f"image.header.stamp: expected one within {most_s:g} s of the newest step, got "
-                f"{abs(away_s):.1f} s {'later' if away_s > 0 else 'earlier'}: do steps arrive, and "
-                "do both clocks agree?",
+                f"image.header.stamp: expected that of a step, got {apart_s:.1f} s after the newest"
+                ": do steps arrive, and do both clocks agree?",
                 code="perception.stamp",
             )
         of = min(self._steps, key=lambda step: abs(step.observation.stamp_ns - stamp_ns))
@@ -223,12 +216,12 @@ class CameraNode(ManagedNode):
         if self._arenas.fault:
             return ERROR, self._arenas.fault, {}
         if self._sight is None or not self._steps:
-            return WARN, self._unseen or "waits for an arena (arena_info, object_features)", {}
+            return WARN, self._refused or "waits for an arena (arena_info, object_features)", {}
         if self._age > self.config.timeout_s:
             names = f"{topics.CAMERA_IMAGE.name} and {topics.CAMERA_INFO.name}"
-            none = f"the arm holds: expected {names}, got none for {self._age:.1f} s"
-            return WARN, f"{none}: refused {self._refused}" if self._refused else none, {}
-        seen = f"sees {len(self._sight.tracker.tracks)} objects"
-        if self._refused:
-            return WARN, f"{seen}, but the newest picture was refused: {self._refused}", {}
-        return OK, seen, {}
+            seen = f"the arm holds: expected {names}, got none for {self._age:.1f} s"
+        else:
+            seen = f"sees {len(self._sight.tracker.tracks)} objects"
+            if not self._refused:
+                return OK, seen, {}
+        return WARN, f"{seen}; refused: {self._refused}" if self._refused else seen, {}
