@@ -65,12 +65,11 @@ class TagTracker(Node):
         self.tag_m = self.declare_parameter("tag_m", TAG_M).value
         self.detector, self.lens = finder(), None
         self.tf = topics.TF.publisher(self)
-        guard = Refusals(self.get_logger().warning).guard
-        for topic, take_in in (
-            (topics.CAMERA_INFO, self.on_info),
-            (topics.CAMERA_IMAGE, self.on_picture),
-        ):
-            topic.subscribe(self, guard(topic.name, take_in))
+        self.refusals = Refusals(self.get_logger().warning)
+        infos = self.refusals.guard("camera_info", self.on_info)
+        topics.CAMERA_INFO.subscribe(self, infos)
+        pictures = self.refusals.guard("image_raw", self.on_picture)
+        topics.CAMERA_IMAGE.subscribe(self, pictures)
 
     def on_info(self, message) -> None:
         self.lens = None
