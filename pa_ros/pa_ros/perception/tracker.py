@@ -6,7 +6,7 @@ is seen elsewhere afterwards keeps its row.
 
 A camera's pictures may be wrong. There an object that appears later gets a row when it was seen in
 SIGHTINGS pictures in a row, and loses it after LOST pictures of the bare table at its place. What
-the arm, or anything else, hides keeps its row.
+the arm, or anything else, hides keeps its row. Looks are renewed after as many pictures.
 """
 
 from __future__ import annotations
@@ -41,7 +41,8 @@ class Track:
     looks: dict[int, Blob]  # each camera's best look at it
     age: int = 0  # updates since it was seen last
     sightings: int = 0  # updates that saw it, before it has a row
-    bare: int = 0  # updates since then that saw the bare table at its place
+    looks_age: int = 0  # updates since its looks changed
+    bare: int = 0  # updates since it was seen that saw the bare table at its place
     properties: Float32 | None = None  # of these looks, once computed
     whole: dict[int, Blob] = field(default_factory=dict)  # each camera's last picture of all of it
 
@@ -89,6 +90,7 @@ class Tracker:
         known = [*self.tracks, *self._new]
         for track in known:
             track.age += 1
+            track.looks_age += is_bare is not None
         parts: dict[Track, dict[int, Blob]] = {track: {} for track in known}
         elsewhere = []
         for blob in sorted(blobs, key=lambda blob: (blob.covered, blob.camera, -blob.area)):
@@ -158,7 +160,7 @@ def _is_again(track: Track, blob: Blob) -> bool:
 
 def _follow(track: Track, blob: Blob) -> None:
     own, moved = track.looks.get(blob.camera), _apart(track, blob) > MOVED_M
-    better = own is None or blob.area > own.area
+    better = own is None or blob.area > own.area or track.looks_age >= LOST
     # The first blob of an update is of the camera that sees the object best.
     steers, track.age = track.age > 0, 0
     if steers and not blob.covered and not track.covered and not moved:
@@ -171,7 +173,7 @@ def _follow(track: Track, blob: Blob) -> None:
     else:
         looks_better = not whole or moved or better
     if looks_better:
-        track.looks[blob.camera], track.properties = blob, None
+        track.looks[blob.camera], track.properties, track.looks_age = blob, None, 0
 
 
 def _fit(track: Track, seen: dict[int, Blob], arm: PushingArm) -> None:
