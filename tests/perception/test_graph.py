@@ -1,7 +1,7 @@
 """Agents that see, over the graph: the same bits as in one process, and EQUAL when repeated."""
 
 from contextlib import closing
-from copy import copy
+from copy import copy, deepcopy
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -202,22 +202,26 @@ def test_an_agent_acts_by_what_camera_node_sees_and_holds_when_pictures_stop(
         assert probe.until(lambda: holds() > held + 5)
         assert (len(steps), probe.count(topics.JOINT_COMMANDS)) == (before, commands)
 
-        gray, small, blind = copy(good[0]), copy(good[0]), copy(good[1])
-        gray.encoding = "mono8"
+        old, odd, small, blind = deepcopy(good[0]), copy(good[0]), copy(good[0]), copy(good[1])
+        old.header.stamp.sec, odd.encoding = 0, "yuv422"
         small.height, small.data = 120, small.data[: 120 * small.step]
         blind.k = np.zeros(9)
         for out, bad, code in (
-            (relay.picture, gray, "wire.encoding"),
+            (relay.picture, old, "perception.stamp"),
+            (relay.picture, odd, "wire.encoding"),
             (relay.picture, small, "perception.picture"),
             (relay.info, blind, "wire.uncalibrated"),
         ):
             assert probe.until(partial(_is_refused, probe, out, bad, code)), code
+        assert probe.until(lambda: "s; refused: camera_info.k: exp" in probe.message("camera_node"))
         relay.on = True
         assert probe.until(lambda: len(steps) > before + 5)
+        assert probe.until(lambda: probe.message("camera_node").endswith(" objects"))
 
 
 def _is_refused(probe: Probe, out: Any, bad: Any, code: str) -> bool:
     """Publish a bad message once more; whether camera_node has refused it."""
-    bad.header.stamp = probe.last(topics.OBJECT_FEATURES).header.stamp
+    if code != "perception.stamp":
+        bad.header.stamp = probe.last(topics.OBJECT_FEATURES).header.stamp
     out.publish(bad)
     return bool(probe.value("camera_node", f"refused.{code}"))

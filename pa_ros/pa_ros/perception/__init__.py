@@ -59,11 +59,12 @@ def task_seen(
 
 
 def sight_of(config: ArenaConfig, calibration: str) -> Sight:
-    """The `Sight` of a calibrated camera over an arm's table. Raises as `task_seen`."""
+    """The `Sight` of a calibrated camera, in whose pictures objects may be seen that are not there,
+    over an arm's table. Raises as `task_seen`."""
     with _opencv():
         from pa_ros.perception.calibration import Cameras
         from pa_ros.perception.sight import Sight
-    return Sight(config, Cameras.from_text(calibration))
+    return Sight(config, Cameras.from_text(calibration), rendered=False)
 
 
 @contextmanager

@@ -10,10 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32, Float64
+from pa_ros.perception.errors import PerceptionError
 from pa_ros.perception.view import BLOCK_M, PLANE_M, Mask, Picture, View, largest, total
 
 UNLIKE_TABLE = 30  # least difference of a color, 0 to 255
 SHADE, DARKEST = 12, 0.3  # greatest difference of a color in a shadow, and a shadow's least light
+# A camera's picture beyond these is refused. 15 blocks hide 0.07 of the table, seen from a corner.
+LEAST_LIGHT = 0.4  # of the light in which the table is known
+MOST_HIDDEN, MOST_BLOBS = 0.15, 60  # share of the table; about 40 blocks
 SMALLEST, LARGEST = 0.12, 1.75  # of a block's area: less is noise, more is several blocks
 CROP_M, CROP_PX = 0.10, 24  # of the square that is cut out around a blob
 COLORFUL = 90  # least saturation of pixels whose hue counts, 0 to 255
@@ -43,8 +47,15 @@ def uncovered(view: View, arm: Mask) -> Mask:
 
 
 def blobs(view: View, picture: Picture, arm: Mask) -> list[Blob]:
-    """The blobs in a picture, without what shows the arm."""
-    shown = _unlike(picture, view.empty, uncovered(view, arm)).astype(np.uint8)
+    """The blobs in a picture, without what shows the arm.
+
+    PerceptionError, before anything takes long, for a picture that scarcely shows the table.
+    """
+    table = uncovered(view, arm)
+    unlike = _unlike(picture, view.empty, table)
+    if (hidden := unlike.sum() / max(table.sum(), 1)) > MOST_HIDDEN:
+        raise _refused(f"at most {MOST_HIDDEN:.0%} of it hidden by objects", f"{hidden:.0%}")
+    shown = unlike.astype(np.uint8)
     beside_arm = np.asarray(cv2.dilate(arm.astype(np.uint8), ONES, iterations=2) > 0)
     hsv = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2HSV), np.uint8)
     count, labels, stats, middles = cv2.connectedComponentsWithStats(shown, connectivity=8)
@@ -63,12 +74,15 @@ def blobs(view: View, picture: Picture, arm: Mask) -> list[Blob]:
                 mask = np.zeros(shown.shape, np.bool_)
                 mask[window] = part
                 found.append(_blob(view, picture, mask, beside_arm))
+        _check_count(len(found))
     return found
 
 
 def _unlike(picture: Picture, empty: NDArray[np.int16], table: Mask) -> Mask:
     """The pixels of the table that do not show it, in any light."""
     light = np.median(total(picture.astype(np.int32))[table] / total(empty.astype(np.int32))[table])
+    if light < LEAST_LIGHT:
+        raise _refused(f"at least {LEAST_LIGHT:.0%} of its light", f"{light:.0%}")
     expected = np.minimum(empty * light, 255)
     unlike: Mask = table & (largest(np.abs(picture - expected)) > UNLIKE_TABLE)
     # A shadow has the table's color. The mean over some pixels is compared, because of noise.
@@ -79,6 +93,19 @@ def _unlike(picture: Picture, empty: NDArray[np.int16], table: Mask) -> Mask:
     # Where nothing casts a shadow, such pixels are the dark edges of objects.
     casts = bool(cv2.morphologyEx(shaded, cv2.MORPH_OPEN, ONES).any())
     return unlike & (shaded == 0) if casts else unlike
+
+
+def _check_count(count: int) -> None:
+    if count > MOST_BLOBS:
+        raise _refused(f"at most {MOST_BLOBS} objects on it", "more")
+
+
+def _refused(expected: str, got: str) -> PerceptionError:
+    return PerceptionError(
+        f"picture: expected the table as calibrated, {expected}, got {got}: check the camera's "
+        "place, light and colors",
+        code="perception.picture",
+    )
 
 
 def _blob(view: View, picture: Picture, mask: Mask, beside_arm: Mask) -> Blob:
@@ -114,6 +141,7 @@ def _split(whole: Mask, hsv: NDArray[np.uint8], block: float) -> Iterator[Mask]:
         inner = cv2.distanceTransform(np.pad(group.astype(np.uint8), 1), cv2.DIST_L2, 5)
         inner = inner[1:-1, 1:-1]
         count, cores = cv2.connectedComponents((inner > CORE * inner.max()).astype(np.uint8))
+        _check_count(count - 1)
         yield from _nearest([cores == i for i in range(1, count)], group)
 
 

@@ -8,7 +8,8 @@ from pa_ros.core.errors import PaError
 class PerceptionError(PaError):
     """A picture or a calibration that cannot be used.
 
-    Codes: "perception.picture", "perception.calibration", "perception.missing" (OpenCV).
+    Codes: "perception.picture", "perception.stamp", "perception.calibration", "perception.missing"
+    (OpenCV).
     """
 
     code = "perception"

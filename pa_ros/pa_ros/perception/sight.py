@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import cv2
@@ -12,8 +12,9 @@ from pa_ros.arena.arms import ARMS
 from pa_ros.arena.camera import PLAIN, Pictures
 from pa_ros.arena.config import ArenaConfig
 from pa_ros.core.experience import Float32, Float64
-from pa_ros.perception.blobs import blobs, uncovered
+from pa_ros.perception.blobs import Blob, blobs, uncovered
 from pa_ros.perception.calibration import Cameras
+from pa_ros.perception.errors import PerceptionError
 from pa_ros.perception.looks import NEEDS_ALL
 from pa_ros.perception.tracker import PushingArm, Tracker
 from pa_ros.perception.view import BLOCK_M, PLANE_M, Mask, Picture, View
@@ -29,7 +30,7 @@ class Sight:
     """All objects seen since the episode began. Their true number is not known.
 
     A row of an observation is of one object until the episode ends, also while it is not seen. Rows
-    are added as objects are found.
+    are added as objects are found. `tracker` says when pictures that may be wrong take rows away.
     """
 
     def __init__(
@@ -38,15 +39,18 @@ class Sight:
         cameras: Cameras,
         pictures: Pictures = PLAIN,
         schema: ObjectSchema | None = None,
+        rendered: bool = True,
     ) -> None:
         """RenderError where there is no OpenGL.
 
         :param schema: of the observations (`Cameras.schema`); None: a world without places.
+        :param rendered: whether pictures come from a simulation, and so are never wrong.
         """
         self.schema = schema or cameras.schema(PAPER)
         sizes = [(one.view, one.width, one.height) for one in cameras.each]
         self.views = [View(config, *size, pictures) for size in sizes]
         self.cameras, view = cameras, self.views[0]
+        self._rendered = rendered
         self._pushes = config.arm_touches_blocks
         self._first = 1  # row of the first track
         v, u = np.mgrid[: view.height, : view.width]
@@ -71,24 +75,31 @@ class Sight:
         self.looked = False  # whether a picture was taken in
         self._never_seen = self._within_reach.copy()
 
-    def look(self, pictures: Sequence[Picture], joint_position: Float64) -> None:
+    def look(self, pictures: Sequence[Picture], joint_position: Float64) -> str:
         """Take in a picture of each camera, and the joints (rad) when they were taken.
 
-        PerceptionError, with nothing changed, for a picture of another size.
+        Returns why a picture was not taken in, because it scarcely shows the table, with nothing
+        changed; else an empty text. PerceptionError for a picture of another size.
         """
         for view, picture in zip(self.views, pictures, strict=True):
             view.check(picture)
+        arms = [view.arm(joint_position) for view in self.views]
+        try:
+            seen = [blobs(*given) for given in zip(self.views, pictures, arms, strict=True)]
+        except PerceptionError as error:
+            return str(error)
         self.looked, found, free = True, [], []
-        for camera, (view, picture) in enumerate(zip(self.views, pictures, strict=True)):
-            arm = view.arm(joint_position)
-            found += [replace(blob, camera=camera) for blob in blobs(view, picture, arm)]
+        for camera, (view, arm) in enumerate(zip(self.views, arms, strict=True)):
+            found += [replace(blob, camera=camera) for blob in seen[camera]]
             free.append((view, uncovered(view, arm)))
             if camera > 0:
                 u, v = self._same_place[camera - 1]
                 outside = (u < 0) | (v < 0) | (u >= view.width) | (v >= view.height)
                 arm = outside | arm[v.clip(0, view.height - 1), u.clip(0, view.width - 1)]
             self._never_seen &= arm
-        self.tracker.update(found, PushingArm(self.views[0].hand, free) if self._pushes else None)
+        pushing = PushingArm(self.views[0].hand, free) if self._pushes else None
+        self.tracker.update(found, pushing, None if self._rendered else _bare(free, seen))
+        return ""
 
     @property
     def complete(self) -> bool:
@@ -143,3 +154,15 @@ class Sight:
                 track.properties = self.cameras.features(track.looks)
         known = [track.properties for track in self.tracker.tracks]
         return np.array(known, np.float32).reshape(-1, sum(self.cameras.widths.values()))
+
+
+def _bare(
+    free: Sequence[tuple[View, Mask]], seen: Sequence[Sequence[Blob]]
+) -> Callable[[Float64], bool]:
+    """Whether a camera sees neither the arm nor one of its blobs at a place [2], m."""
+    bare = [(view, uncovered | ~view.table) for view, uncovered in free]
+    for (_, mask), found in zip(bare, seen, strict=True):
+        for blob in found:
+            left, top, right, bottom = blob.box
+            mask[top : bottom + 1, left : right + 1] &= ~blob.pixels
+    return lambda xy: any(view.shows(mask, xy) for view, mask in bare)

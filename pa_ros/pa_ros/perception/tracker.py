@@ -3,11 +3,15 @@
 Where the arm does not touch blocks, a hidden block stays where it was. Where the arm pushes blocks,
 it often hides the one that it pushes; `fitting` then estimates the block's position. A block that
 is seen elsewhere afterwards keeps its row.
+
+A camera's pictures may be wrong. There an object that appears later gets a row when it was seen in
+SIGHTINGS pictures in a row, and loses it after LOST pictures of the bare table at its place. What
+the arm, or anything else, hides keeps its row. Looks are renewed after as many pictures.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -25,6 +29,7 @@ AGAIN_M = 0.20  # a pushed block is found again at most so far from where it was
 SAME_COLOR = 0.25  # and its color differs by less, in shares of red, green and blue
 MOVED_M = 0.02  # a blob farther away than this from its track has moved
 NEWEST = 0.3  # weight of the newest position of what lies still
+SIGHTINGS, LOST = 3, 10  # pictures
 TOUCH_M, LOW_M = 0.07, 0.12  # distance to a hand that touches a block, and its greatest height
 
 
@@ -35,6 +40,9 @@ class Track:
     xy: Float64  # [2] m on the table
     looks: dict[int, Blob]  # each camera's best look at it
     age: int = 0  # updates since it was seen last
+    sightings: int = 0  # updates that saw it, before it has a row
+    looks_age: int = 0  # updates since its looks changed
+    bare: int = 0  # updates since it was seen that saw the bare table at its place
     properties: Float32 | None = None  # of these looks, once computed
     whole: dict[int, Blob] = field(default_factory=dict)  # each camera's last picture of all of it
 
@@ -64,16 +72,29 @@ class Tracker:
     def __init__(self, most: int = MOST) -> None:
         self._most = most
         self.tracks: list[Track] = []
+        self._new: list[Track] = []  # without a row
+        self._begins = True  # what the first picture shows has rows at once
 
-    def update(self, blobs: Sequence[Blob], arm: PushingArm | None = None) -> None:
+    def update(
+        self,
+        blobs: Sequence[Blob],
+        arm: PushingArm | None = None,
+        is_bare: Callable[[Float64], bool] | None = None,
+    ) -> None:
         """Take in the blobs of a new picture from each camera, and where the arm pushes blocks, the
-        arm."""
-        for track in self.tracks:
+        arm.
+
+        :param is_bare: whether the picture shows the bare table at a place [2], m. None: pictures
+            are never wrong; objects have rows at once, and keep them.
+        """
+        known = [*self.tracks, *self._new]
+        for track in known:
             track.age += 1
-        parts: dict[Track, dict[int, Blob]] = {track: {} for track in self.tracks}
+            track.looks_age += is_bare is not None
+        parts: dict[Track, dict[int, Blob]] = {track: {} for track in known}
         elsewhere = []
         for blob in sorted(blobs, key=lambda blob: (blob.covered, blob.camera, -blob.area)):
-            near = [track for track in self.tracks if _apart(track, blob) < NEAR_M]
+            near = [track for track in known if _apart(track, blob) < NEAR_M]
             if free := [track for track in near if blob.camera not in parts[track]]:
                 track = _nearest(free, blob)
                 _follow(track, blob)
@@ -82,6 +103,10 @@ class Tracker:
                 elsewhere.append(blob)
         for blob in elsewhere:
             self._place(blob, parts, pushes=arm is not None)
+        certain = self._new if is_bare is None or self._begins else self._certain(is_bare)
+        self.tracks += certain
+        self._new = [track for track in self._new if track not in certain]
+        self._begins = False
         if arm is not None:
             for track in self.tracks:
                 _fit(track, parts[track], arm)
@@ -97,12 +122,24 @@ class Tracker:
             if not near:
                 track.xy = track.before = blob.xy
             _follow(track, blob)
-        elif near or len(self.tracks) == self._most:
+        elif near or len(parts) == self._most:
             return
         else:
             track = Track(blob.xy, {blob.camera: blob})
-            self.tracks.append(track)
+            self._new.append(track)
         parts.setdefault(track, {})[blob.camera] = blob
+
+    def _certain(self, is_bare: Callable[[Float64], bool]) -> list[Track]:
+        """Take rows away, or else say which new tracks get one. Never both at once: agents notice
+        another order of the rows by their number."""
+        for track in self.tracks:
+            track.bare = track.bare + is_bare(track.xy) if track.age else 0
+        self._new = [track for track in self._new if track.age == 0]
+        for track in self._new:
+            track.sightings += 1
+        kept = [track for track in self.tracks if track.bare < LOST]
+        lost, self.tracks = len(self.tracks) - len(kept), kept
+        return [] if lost else [track for track in self._new if track.sightings >= SIGHTINGS]
 
 
 def _apart(track: Track, blob: Blob) -> float:
@@ -123,7 +160,7 @@ def _is_again(track: Track, blob: Blob) -> bool:
 
 def _follow(track: Track, blob: Blob) -> None:
     own, moved = track.looks.get(blob.camera), _apart(track, blob) > MOVED_M
-    better = own is None or blob.area > own.area
+    better = own is None or blob.area > own.area or track.looks_age >= LOST
     # The first blob of an update is of the camera that sees the object best.
     steers, track.age = track.age > 0, 0
     if steers and not blob.covered and not track.covered and not moved:
@@ -136,7 +173,7 @@ def _follow(track: Track, blob: Blob) -> None:
     else:
         looks_better = not whole or moved or better
     if looks_better:
-        track.looks[blob.camera], track.properties = blob, None
+        track.looks[blob.camera], track.properties, track.looks_age = blob, None, 0
 
 
 def _fit(track: Track, seen: dict[int, Blob], arm: PushingArm) -> None:

@@ -103,6 +103,11 @@ class View:
         (fx, _, cx), (_, fy, cy) = self.matrix[:2]
         return np.rint(fx * x / along + cx).astype(int), np.rint(fy * y / along + cy).astype(int)
 
+    def shows(self, mask: Mask, xy: Float64) -> bool:
+        """Whether a mask is true where the middle of a block at `xy` is seen."""
+        column, row = self.pixels(xy, PLANE_M)
+        return bool(mask[row.clip(0, self.height - 1), column.clip(0, self.width - 1)])
+
     def pixels_per_m(self, xy: Float64) -> float:
         """How large a metre at a place on the table is in the picture."""
         away = np.array([*xy, PLANE_M]) - self._place

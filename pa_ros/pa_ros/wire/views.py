@@ -28,6 +28,32 @@ LABEL_HEIGHT_M = 0.04  # of capital letters
 LABEL_ABOVE_M = 0.07  # a block's center
 SAME_M = 0.1  # from a marker to the object that it shows
 SHELL = 1.4  # size of a relevance marker, relative to its block
+RGB, BGR, GREY = slice(0, 3), slice(2, None, -1), [0, 0, 0]
+ENCODINGS: dict[str, tuple[str, int, Any]] = {
+    # of pictures: type and count of a pixel's numbers, and which are red, green and blue
+    "rgb8": ("u1", 3, RGB),
+    "bgr8": ("u1", 3, BGR),
+    "rgba8": ("u1", 4, RGB),
+    "bgra8": ("u1", 4, BGR),
+    "mono8": ("u1", 1, GREY),
+    "mono16": ("u2", 1, GREY),
+}
+DISTORTIONS = {  # how many coefficients the model of a lens may have
+    "": (0, 4, 5),
+    "plumb_bob": (0, 4, 5),
+    "rational_polynomial": (8, 12, 14),
+    "equidistant": (4,),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Lens:
+    """The intrinsics of a camera."""
+
+    matrix: Float64  # K, [3, 3] px
+    model: str  # of its distortion, one of DISTORTIONS
+    distortion: Float64  # coefficients D of the model
+    size: tuple[int, int]  # width and height of its pictures, px
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,28 +161,43 @@ def encode_camera_info(
 def decode_image(message: Image) -> tuple[int, NDArray[np.uint8]]:
     """The stamp (ns) of a picture, and the picture: RGB, [height, width, 3].
 
-    Raises WireError (`wire.encoding`) unless it is rgb8 or bgr8, `wire.size` if it is not whole.
+    Raises WireError (`wire.encoding`) unless it is one of ENCODINGS, `wire.size` if it is not
+    whole.
     """
-    if message.encoding not in ("rgb8", "bgr8"):
-        expected = "rgb8 or bgr8"
+    if message.encoding not in ENCODINGS:
+        expected = f"one of {', '.join(ENCODINGS)}"
         raise WireError("image.encoding", expected, message.encoding[:50], code="wire.encoding")
+    kind, channels, colors = ENCODINGS[message.encoding]
+    number = np.dtype(kind).newbyteorder(">" if message.is_bigendian else "<")
     height, width, step = message.height, message.width, message.step
-    data = np.frombuffer(message.data, np.uint8)
-    if not 0 < 3 * width <= step or len(data) != height * step or not height:
-        expected = f"{height} rows of {step} bytes, at least {3 * width}"
+    row, data = channels * width * number.itemsize, np.frombuffer(message.data, np.uint8)
+    if not 0 < row <= step or len(data) != height * step or not height:
+        expected = f"{height} rows of {step} bytes, at least {max(row, 1)}"
         raise WireError("image.data", expected, f"{len(data)} bytes", code="wire.size")
-    picture = data.reshape(height, step)[:, : 3 * width].reshape(height, width, 3)
-    picture = picture if message.encoding == "rgb8" else picture[..., ::-1]
-    return read_stamp(message.header.stamp), np.ascontiguousarray(picture)
+    rows = np.ascontiguousarray(data.reshape(height, step)[:, :row])
+    picture = rows.view(number).reshape(height, width, channels)[..., colors]
+    picture = picture if number.itemsize == 1 else picture >> 8
+    return read_stamp(message.header.stamp), np.ascontiguousarray(picture, np.uint8)
 
 
-def decode_camera_matrix(message: CameraInfo) -> Float64:
-    """K [3, 3] px. Raises WireError (`wire.uncalibrated`) if the camera has none."""
+def decode_camera_info(message: CameraInfo) -> Lens:
+    """The intrinsics of a camera.
+
+    Raises WireError (`wire.uncalibrated`) if it has none, or a distortion of another kind than
+    DISTORTIONS.
+    """
     matrix = np.array(message.k, np.float64).reshape(3, 3)
-    if not (np.isfinite(matrix).all() and matrix[0, 0] > 0 and matrix[1, 1] > 0):
+    fits = np.isfinite(matrix).all() and matrix[0, 0] > 0 and matrix[1, 1] > 0
+    if not fits or matrix[2].tolist() != [0.0, 0.0, 1.0]:
         expected = "the matrix of a calibrated camera"
         raise WireError("camera_info.k", expected, list(message.k), code="wire.uncalibrated")
-    return matrix
+    model, distortion = message.distortion_model, np.array(message.d, np.float64)
+    if len(distortion) not in DISTORTIONS.get(model, ()) or not np.isfinite(distortion).all():
+        models = ", ".join(filter(None, DISTORTIONS))
+        expected = f"one of {models} with finite coefficients of that model"
+        got = f"{model[:50]} with {distortion.tolist()}"
+        raise WireError("camera_info.d", expected, got, code="wire.uncalibrated")
+    return Lens(matrix, model, distortion, (message.width, message.height))
 
 
 def _marker(space: str, number: int, kind: int, body: Body, stamp_ns: int) -> Any:

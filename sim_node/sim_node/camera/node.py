@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +21,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Step
 from pa_ros.learning.checkpoints import camera_of
 from pa_ros.perception import sight_of
+from pa_ros.perception.errors import PerceptionError
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import ERROR, OK, WARN
@@ -29,7 +31,7 @@ from pa_ros.ros.settings import NodeSettings
 from pa_ros.wire import Message
 from pa_ros.wire.arena import ArenaDescription, decode_arena_info, encode_arena_info
 from pa_ros.wire.step import arena_of, decode_step, encode_step
-from pa_ros.wire.views import OPTICAL_FRAME, decode_camera_matrix, decode_image, encode_image
+from pa_ros.wire.views import OPTICAL_FRAME, decode_camera_info, decode_image, encode_image
 
 if TYPE_CHECKING:  # it imports OpenCV
     from pa_ros.perception.sight import Sight
@@ -67,31 +69,39 @@ class CameraNode(ManagedNode):
         self._early: Message | None = None  # a picture of the next step
         self._waiting_since: float | None = None  # s; the newest step waits for its picture
         self._looked_at = time.monotonic()  # when the newest usable picture arrived, s
-        self._unseen = ""  # why the arena is not seen
+        self._refused = ""  # why the arena, the camera or the newest picture is refused
         self._calibrated = False  # whether camera_info is that of the calibration
         self._out = self.advertise(topics.OBJECT_FEATURES.within(SEEN))
         self._info = self.advertise(topics.ARENA_INFO.within(SEEN))
         self._tracks = topics.CAMERA_TRACKS.publisher(self)
-        self.subscribe(topics.ARENA_INFO, self._on_arena)
+        self.subscribe(topics.ARENA_INFO, self._noting(self._on_arena))
         self.subscribe(topics.OBJECT_FEATURES, self._on_step)
-        self.subscribe(topics.CAMERA_INFO, self._on_info)
-        self.subscribe(topics.CAMERA_IMAGE, self._on_picture)
+        self.subscribe(topics.CAMERA_INFO, self._noting(self._on_info))
+        self.subscribe(topics.CAMERA_IMAGE, self._noting(self._on_picture))
         steady_timer(self, TICK_S, self._wait)
 
     def cleanup(self) -> None:
         if self._sight is not None:
             self._sight.close()
 
+    def _noting(self, take_in: Callable[[Message], None]) -> Callable[[Message], None]:
+        """Keep for the status why a message is refused."""
+
+        def noted(message: Message) -> None:
+            try:
+                take_in(message)
+            except PaError as error:
+                self._refused = str(error)
+                raise
+
+        return noted
+
     # The arena's steps
 
     def _on_arena(self, message: Message) -> None:
         arena = decode_arena_info(message)
-        try:
-            self._arenas.described(arena.arena_id, arena)
-        except PaError as error:
-            self._unseen = str(error)
-            raise
-        self._unseen = ""
+        self._arenas.described(arena.arena_id, arena)
+        self._refused = ""
 
     def _see_for(self, arena: ArenaDescription) -> None:
         """Begin with another arena. PaError for one whose blocks have other properties, or with
@@ -133,7 +143,7 @@ class CameraNode(ManagedNode):
         self._steps.append(step)
         self._waiting_since = time.monotonic()
         if (early := self._early) is not None:
-            self._on_picture(early)
+            self._noting(self._on_picture)(early)
 
     def _wait(self) -> None:
         """Publish a step whose picture does not arrive in time: commands must not be late."""
@@ -157,7 +167,7 @@ class CameraNode(ManagedNode):
 
     def _on_info(self, message: Message) -> None:
         self._calibrated = False
-        matrix = decode_camera_matrix(message)
+        matrix = decode_camera_info(message).matrix
         if self._sight is None:
             return
         expected = self._sight.views[0].matrix
@@ -174,14 +184,22 @@ class CameraNode(ManagedNode):
         if sight is None or arena is None or not (self._steps and self._calibrated):
             return
         stamp_ns, picture = decode_image(message)
+        apart_s = (stamp_ns - self._steps[-1].observation.stamp_ns) / 1e9
+        if abs(apart_s) > KEPT * arena.control_period:
+            raise PerceptionError(
+                f"image.header.stamp: expected that of a step, got {apart_s:.1f} s after the newest"
+                ": do steps arrive, and do both clocks agree?",
+                code="perception.stamp",
+            )
         of = min(self._steps, key=lambda step: abs(step.observation.stamp_ns - stamp_ns))
         later_ns = stamp_ns - of.observation.stamp_ns
         # The picture of a step may be served before the step.
         self._early = message if later_ns > arena.control_period * 5e8 else None
         if abs(later_ns) > arena.control_period * 5e8:
             return
-        sight.look([picture], of.observation.joint_position)
-        self._looked_at = time.monotonic()
+        if why := sight.look([picture], of.observation.joint_position):
+            raise PerceptionError(why, code="perception.picture")
+        self._looked_at, self._refused = time.monotonic(), ""
         if of is self._steps[-1] and self._waiting_since is not None:
             self._publish(of)
         if self._tracks.get_subscription_count():
@@ -198,8 +216,12 @@ class CameraNode(ManagedNode):
         if self._arenas.fault:
             return ERROR, self._arenas.fault, {}
         if self._sight is None or not self._steps:
-            return WARN, self._unseen or "waits for an arena (arena_info, object_features)", {}
+            return WARN, self._refused or "waits for an arena (arena_info, object_features)", {}
         if self._age > self.config.timeout_s:
             names = f"{topics.CAMERA_IMAGE.name} and {topics.CAMERA_INFO.name}"
-            return WARN, f"the arm holds: expected {names}, got none for {self._age:.1f} s", {}
-        return OK, f"sees {len(self._sight.tracker.tracks)} objects", {}
+            seen = f"the arm holds: expected {names}, got none for {self._age:.1f} s"
+        else:
+            seen = f"sees {len(self._sight.tracker.tracks)} objects"
+            if not self._refused:
+                return OK, seen, {}
+        return WARN, f"{seen}; refused: {self._refused}" if self._refused else seen, {}
