@@ -130,6 +130,16 @@ def test_a_trajectory_does_not_run_back_when_joint_states_stop(plant):
     assert np.abs(arm.plant.velocity).max() < 0.01, "it rests where the last point was"
 
 
+@pytest.mark.parametrize(("control", "lasts_s"), [("velocity", 0.25), ("joint_trajectory", 0.1)])
+def test_a_velocity_lasts_until_the_relay_ends_it_and_a_trajectory_for_a_period(
+    plant, control, lasts_s
+):
+    believed = plant(control).robot.believed
+    believed.sent(np.ones(6), 10.0)
+    believed.move(12.0)
+    assert believed.position == pytest.approx([lasts_s] * 6)
+
+
 def test_after_a_silence_the_arm_starts_from_rest(plant, clock):
     arm = plant("velocity")
     arm.push(1.0)
