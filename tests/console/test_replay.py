@@ -27,7 +27,7 @@ def without(topic, recorded, folder):
 
 def test_moments_have_the_weights_that_acted(recorded):
     with Bag(recorded) as bag:
-        replay = Replay(bag)
+        replay = Replay.read(bag)
         assert len(replay.episodes) >= 4
         versions = []
         for place, episode in enumerate(replay.episodes):
@@ -44,7 +44,7 @@ def test_of_weights_that_were_not_recorded_the_version_before_is_shown(recorded,
         return [] if name.endswith("policy_weights") and message.version in (2, 3) else [message]
 
     with Bag(rewritten(recorded, tmp_path / "bag", lose)) as bag:
-        replay = Replay(bag)
+        replay = Replay.read(bag)
         acted = [episode.rows[3].policy_version for episode in replay.episodes]
         shown = [replay.moment(i, 3).explanation.version for i in range(len(acted))]
     assert 2 in acted and shown == [1 if version in (2, 3) else version for version in acted]
@@ -53,7 +53,7 @@ def test_of_weights_that_were_not_recorded_the_version_before_is_shown(recorded,
 def test_p_is_what_the_agent_acted_on(recorded):
     """An agent that learns joins degrees by products."""
     with Bag(recorded) as bag:
-        replay = Replay(bag)
+        replay = Replay.read(bag)
         moment = replay.moment(0, 3)
     found, vocabulary = moment.explanation, replay.arena.world.vocabulary
     program = parse(moment.program, vocabulary)
@@ -66,7 +66,7 @@ def test_p_is_what_the_agent_acted_on(recorded):
 def test_a_bag_without_an_arena_is_rejected(recorded, tmp_path):
     copy = without("arena_info", recorded, tmp_path)
     with Bag(copy) as bag, pytest.raises(ProvenanceError, match="an arena's description"):
-        Replay(bag)
+        Replay.read(bag)
 
 
 def test_a_fleets_learner_is_found_outside_the_arenas_namespace(recorded, tmp_path):
@@ -74,13 +74,13 @@ def test_a_fleets_learner_is_found_outside_the_arenas_namespace(recorded, tmp_pa
         return name if name == "/policy_weights" else f"/arena1{name}"
 
     with Bag(rewritten(recorded, tmp_path / "bag", lambda _, m: [m], rename)) as bag:
-        assert Replay(bag, "arena1").moment(0, 3).explanation is not None
+        assert Replay.read(bag, "arena1").moment(0, 3).explanation is not None
 
 
 def test_a_bag_without_weights_is_shown_without_explanation(recorded, tmp_path):
     copy = without("policy_weights", recorded, tmp_path)
     with Bag(copy) as bag:
-        moment = Replay(bag).moment(0, 0)
+        moment = Replay.read(bag).moment(0, 0)
         assert moment.explanation is None and "not known here" in moment.unexplained
 
 

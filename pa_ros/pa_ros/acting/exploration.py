@@ -49,7 +49,7 @@ class ExplorationNoise:
         return np.clip(noisy, -1.0, 1.0).astype(np.float32)
 
     def sample(self, episode: int) -> Float64:
-        """Return x at the episode's next control step, [J], and advance the process by one step."""
+        """Advance the process by one control step; x, [J], before it."""
         if episode != self._episode:
             self._begin(episode)
         now = self._x

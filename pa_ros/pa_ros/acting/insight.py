@@ -97,7 +97,7 @@ class Insight:
 
 
 def agent_logic(parameters: Mapping[str, Any]) -> Logic:
-    """Return the logic that an agent acts by, from the parameters in its provenance.
+    """The logic that an agent acts by, from the parameters in its provenance.
 
     An agent that learns uses products, whose gradients reach every operand.
     """
@@ -112,7 +112,7 @@ def explained(
     vocabulary: Vocabulary,
     stage: int = 0,
 ) -> tuple[Explanation | None, str]:
-    """Return the explanation of a stage of a goal's text, or why there is none."""
+    """The explanation of a stage of a goal's text, or why there is none."""
     if insight is None:
         return None, "the agent's weights are not known here"
     try:

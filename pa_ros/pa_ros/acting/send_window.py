@@ -93,7 +93,7 @@ class SendWindow:
         self._policies = later or [policy]
 
     def overdue(self, waited: bool) -> list[Trajectory]:
-        """Return messages to send again; call once per resend period.
+        """Messages to send again; call once per resend period.
 
         `waited`: the agent waited that long for weights, so perhaps nobody received what it sent.
         """

@@ -21,6 +21,7 @@ from pa_ros.console.moment import Moment
 from pa_ros.console.page import Page
 from pa_ros.core.errors import PaError
 from pa_ros.learning.checkpoints import load_policy
+from pa_ros.wire.arena import ArenaDescription
 from pa_ros.wire.diagnostics import decode_provenance
 from pa_ros.wire.learning import decode_weights
 
@@ -28,23 +29,37 @@ LISTED = 200  # episodes in the table of contents
 
 
 class Replay:
-    """The moments of a bag."""
+    """The moments of a bag; `read` makes it."""
 
-    def __init__(self, bag: Bag, namespace: str | None = None) -> None:
-        """Raises ProvenanceError if the bag has no arena's description, or no control steps."""
+    def __init__(
+        self,
+        bag: Bag,
+        namespace: str | None,
+        arena: ArenaDescription,
+        episodes: Sequence[RecordedEpisode],
+        stamps: Mapping[int, int],
+    ) -> None:
+        """`stamps`: when each version of the weights was recorded, in ns."""
         self._bag, self._namespace = bag, namespace
-        self.arena = newest_arena(bag, namespace)
-        self.episodes = [episode for episode in episodes(bag, namespace) if episode.rows]
-        if not self.episodes:
-            raise ProvenanceError(f"bag: {bag.path}: expected control steps, got none")
-        self._stamps: dict[int, int] = {}  # when each version of the weights was recorded
-        # A fleet's learner is not in the namespace of an arena.
-        self._weights = bag.topics_of(WEIGHTS, namespace) or bag.topics_of(WEIGHTS)
-        for recorded in bag.messages(self._weights):
-            version = decode_weights(bag.deserialize(recorded)).snapshot.version
-            self._stamps[version] = recorded.stamp_ns
+        self.arena, self.episodes, self._stamps = arena, episodes, stamps
         # Dragging the slider stays within a few versions, and loading one takes long.
         self._insight = lru_cache(maxsize=8)(self._load)
+
+    @classmethod
+    def read(cls, bag: Bag, namespace: str | None = None) -> Replay:
+        """Decode a whole bag.
+
+        Raises ProvenanceError if it has no arena's description, or no control steps.
+        """
+        arena = newest_arena(bag, namespace)
+        whole = [episode for episode in episodes(bag, namespace) if episode.rows]
+        if not whole:
+            raise ProvenanceError(f"bag: {bag.path}: expected control steps, got none")
+        stamps = {
+            decode_weights(bag.deserialize(recorded)).snapshot.version: recorded.stamp_ns
+            for recorded in bag.messages(_weights_of(bag, namespace))
+        }
+        return cls(bag, namespace, arena, whole, stamps)
 
     def moment(self, episode: int, step: int) -> Moment:
         """A row of an episode, both by their places in the recording."""
@@ -70,7 +85,9 @@ class Replay:
 
     def _recorded(self, version: int) -> Any:
         stamp_ns = self._stamps[version]
-        (recorded,) = self._bag.messages(self._weights, stamp_ns, stamp_ns + 1)
+        (recorded,) = self._bag.messages(
+            _weights_of(self._bag, self._namespace), stamp_ns, stamp_ns + 1
+        )
         return decode_weights(self._bag.deserialize(recorded)).snapshot
 
     def _agent(self) -> Mapping[str, Any]:
@@ -80,6 +97,11 @@ class Replay:
             if "checkpoint" in origin.parameters:
                 return origin.parameters
         return {}
+
+
+def _weights_of(bag: Bag, namespace: str | None) -> Sequence[str]:
+    """Topics of weights; a fleet's learner is not in the namespace of an arena."""
+    return bag.topics_of(WEIGHTS, namespace) or bag.topics_of(WEIGHTS)
 
 
 def _acting_version(episode: RecordedEpisode, step: int) -> int:

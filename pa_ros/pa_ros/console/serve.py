@@ -110,7 +110,7 @@ def serve_bag(
 ) -> None:
     """Show a recording until `finished`. Raises BagError if it cannot be shown."""
     with Bag(path) as bag, ConsoleServer(settings) as server:
-        timeline = Timeline(Replay(bag, namespace), Page(server, learning=False))
+        timeline = Timeline(Replay.read(bag, namespace), Page(server, learning=False))
         Visitors(server, timeline.add_controls)
         refusals = Refusals(partial(print, "pa_ros console:", file=sys.stderr, flush=True))
         announce(*server.addresses)

@@ -11,6 +11,7 @@ from pa_ros.core.settings import OneOf, Settings, nested
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkSettings
+from pa_ros.world.world import World
 
 OURS, DPG = "ours", "dpg"  # the defaults
 PUSH = "push"  # the default where programs move objects
@@ -78,6 +79,14 @@ _DEEP: Values = {
 }
 
 RECIPES: Mapping[str, Values] = {"paper": _PAPER, OURS: _OURS, PUSH: _PUSH, DEEP: _DEEP}
+
+
+def usual_recipe(world: World) -> str:
+    """The recipe with which agents learn a world's programs."""
+    vocabulary = world.vocabulary
+    if vocabulary.moves_objects:
+        return PUSH
+    return DEEP if vocabulary.avoids or len(vocabulary.relations) > 1 else OURS
 
 
 def _defaults(recipe: str, algorithm: str) -> dict[str, Settings]:

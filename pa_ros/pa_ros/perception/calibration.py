@@ -129,7 +129,7 @@ class Calibration:
         return cls(view, *size, channels)
 
     def to_text(self) -> str:
-        """Return it as one line of JSON."""
+        """The same as one line of JSON."""
         channels = {
             name: {f.name: _to_data(getattr(channel, f.name)) for f in fields(channel)}
             for name, channel in self.channels.items()

@@ -166,7 +166,7 @@ class HandController:
         return np.asarray(velocity * free)
 
     def to_data(self) -> dict[str, Any]:
-        """Return it as data for JSON."""
+        """The same as data for JSON."""
         return asdict(self)
 
     @classmethod

@@ -52,7 +52,7 @@ class ProgramTable:
         return tuple(self._rows)
 
     def add(self, program: Program) -> int:
-        """Return the row of a program; add the program unless the table contains an equal one.
+        """The row of a program; it is added unless the table contains an equal one.
 
         Raises ProgramError if the program is of another vocabulary.
         """

@@ -41,7 +41,7 @@ class OneHot:
         return {value: tuple(row) for value, row in zip(self.values, rows, strict=True)}
 
     def to_data(self) -> dict[str, Any]:
-        """Return it as data for JSON."""
+        """The same as data for JSON."""
         return {"values": list(self.values)}
 
 
@@ -73,7 +73,7 @@ class Real:
         return {value: tuple(map(float, numbers)) for value, numbers in self.of.items()}
 
     def to_data(self) -> dict[str, Any]:
-        """Return it as data for JSON."""
+        """The same as data for JSON."""
         return {
             "features": list(self.features),
             "of": [[value, list(numbers)] for value, numbers in self.prototypes.items()],
@@ -119,7 +119,7 @@ class Seen:
         return seen + OneHot(self.told).names(group)
 
     def to_data(self) -> dict[str, Any]:
-        """Return it as data for JSON."""
+        """The same as data for JSON."""
         told = {"told": list(self.told)} if self.told else {}
         return {"seen": self.width, "scale": float(self.scale), "calibration": self.calibration,
                 **told}  # fmt: skip
@@ -309,7 +309,7 @@ class ObjectSchema:
         return scales
 
     def to_data(self) -> list[dict[str, Any]]:
-        """Return it as data for JSON."""
+        """The same as data for JSON."""
         return [
             {"name": g.name, "words": list(g.words), **g.features.to_data()}
             | ({"bodiless": list(g.bodiless)} if g.bodiless else {})

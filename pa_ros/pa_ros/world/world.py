@@ -141,7 +141,7 @@ class World:
         return words
 
     def to_data(self) -> dict[str, Any]:
-        """Return it as data for JSON."""
+        """The same as data for JSON."""
         data = {
             **self.vocabulary.to_data(),
             "objects": self.schema.to_data(),
