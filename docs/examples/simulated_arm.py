@@ -1,7 +1,6 @@
 """The arena's arm as a "real" one, for rehearsals with robot_node: joint_states, tf and a camera
 come out, joint velocities go in, and nothing else (docs/robot.md)."""
 
-import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -14,6 +13,7 @@ from pa_ros.arena import Episode, Kind, condition_named, design_named, generate,
 from pa_ros.arena.appearance import look_of
 from pa_ros.arena.camera import Camera, intrinsics, optical_pose
 from pa_ros.arena.model import mjcf
+from pa_ros.core.clock import now_ns
 from pa_ros.core.experience import Body
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
@@ -124,7 +124,7 @@ class ArmDriver(Node):
 
     def step(self) -> None:
         self.arm.advance()
-        now, data, count = time.time_ns(), self.arm.data, len(self.names)
+        now, data, count = now_ns(), self.arm.data, len(self.names)
         state = JointState(name=self.names)
         write_stamp(state.header.stamp, now)
         state.position, state.velocity = data.qpos[:count].tolist(), data.qvel[:count].tolist()
@@ -136,7 +136,7 @@ class ArmDriver(Node):
     def take_picture(self) -> None:
         if self.rendering is None or self.rendering.done():
             self.camera.look(self.arm)
-            self.rendering = self.thread.submit(self.publish_picture, time.time_ns())
+            self.rendering = self.thread.submit(self.publish_picture, now_ns())
 
     def publish_picture(self, stamp_ns: int) -> None:
         self.image.publish(encode_image(self.camera.picture(), CAMERA_FRAME, stamp_ns))

@@ -11,6 +11,7 @@ from pa_ros.core.experience import Float64, Step
 from pa_ros.core.extensions import load
 from pa_ros.language import parse
 from pa_ros.ros import topics
+from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.program import ProgramRequest, encode_program
 from pa_ros.wire.step import Command, encode_command
 from sim_node.robot.arm import RealArm
@@ -124,11 +125,16 @@ class Table:
 
     def on_step(self, message: Any) -> None:
         if self.agent and message.program:
-            self.count += 1
-            stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-            action = np.array([0.5, 0, 0, 0, 0, 0], np.float32)
-            command = Command(0, message.step, stamp, "pusher", 0, action, 1, self.count)
-            self.commands.publish(encode_command(command))
+            self.answer(message)
+
+    def answer(self, message: Any) -> None:
+        """Send a command for a step."""
+        self.count += 1
+        action = np.array([0.5, 0, 0, 0, 0, 0], np.float32)
+        answered = message.step, header_stamp(message)
+        self.commands.publish(
+            encode_command(Command(0, *answered, "pusher", 0, action, 1, self.count))
+        )
 
     def moves(self) -> bool:
         return self.probe.until(lambda: self.driver.arm.velocity[0] > 0.2)

@@ -3,6 +3,7 @@
 import math
 import os
 import signal
+import time
 
 import pytest
 import yaml
@@ -13,6 +14,7 @@ from tf2_msgs.msg import TFMessage
 from helpers.graph import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, User, graph
 from helpers.robots import SIMULATED, Table, robot_values
 from pa_ros.ros import topics
+from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.program import ProgramRequest, encode_program
 from sim_node.robot.node import RobotNode
 
@@ -53,6 +55,23 @@ def test_the_arm_moves_on_beside_large_messages_and_bad_entries(table):
     told = lambda code: table.probe.value("robot_node", f"refused.{code}")  # noqa: E731
     assert table.probe.until(lambda: told("robot.size") and told("wire.non_finite"))
     assert table.probe.until(lambda: table.probe.message("robot_node") == "running")
+
+
+@pytest.mark.parametrize("by_s", [-3600, 3600])
+def test_time_goes_on_when_the_wall_clock_is_set(table, monkeypatch, by_s):
+    assert table.moves()
+    steps, wall_ns = table.probe.heard["object_features"], time.time_ns
+    old, began = steps[-1], time.monotonic()
+    monkeypatch.setattr(time, "time_ns", lambda: wall_ns() + by_s * 10**9)
+    seen = len(steps)
+    assert table.probe.until(lambda: len(steps) > seen + 20)
+    took_s = time.monotonic() - began
+    span_s = (header_stamp(steps[-1]) - header_stamp(old)) / 1e9
+    assert 1.0 < span_s < took_s + 1.0
+    refused = lambda: table.probe.value("robot_node", "refused.command.stale")  # noqa: E731
+    before = refused()
+    table.answer(old)
+    assert table.probe.until(lambda: refused() != before) and table.moves()
 
 
 def test_the_arm_holds_without_an_agent(table):

@@ -31,6 +31,7 @@ from pa_ros.networks.config import actor_config
 from pa_ros.ros import topics
 from pa_ros.tools.launch_params import load_parameters, packaged, seeing
 from pa_ros.wire.arena import decode_arena_info
+from pa_ros.wire.fields import header_stamp, write_stamp
 from pa_ros.wire.learning import weights_checksum
 from pa_ros.wire.step import decode_step
 from pa_ros.world.schema import ObjectSchema
@@ -202,6 +203,7 @@ def test_an_agent_acts_by_what_camera_node_sees_and_holds_when_pictures_stop(
         assert probe.until(lambda: holds() > held + 5)
         assert (len(steps), probe.count(topics.JOINT_COMMANDS)) == (before, commands)
 
+        assert probe.until(partial(_is_early, probe, relay.picture, deepcopy(good[0])))
         old, odd, small, blind = deepcopy(good[0]), copy(good[0]), copy(good[0]), copy(good[1])
         old.header.stamp.sec, odd.encoding = 0, "yuv422"
         small.height, small.data = 120, small.data[: 120 * small.step]
@@ -217,6 +219,14 @@ def test_an_agent_acts_by_what_camera_node_sees_and_holds_when_pictures_stop(
         relay.on = True
         assert probe.until(lambda: len(steps) > before + 5)
         assert probe.until(lambda: probe.message("camera_node").endswith(" objects"))
+
+
+def _is_early(probe: Probe, out: Any, picture: Any) -> bool:
+    """Publish a picture half a second ahead of the steps; whether camera_node has said so."""
+    step_ns = header_stamp(probe.last(topics.OBJECT_FEATURES))
+    write_stamp(picture.header.stamp, step_ns + 5 * 10**8)
+    out.publish(picture)
+    return "some that are later than every step" in probe.message("camera_node")
 
 
 def _is_refused(probe: Probe, out: Any, bad: Any, code: str) -> bool:

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -81,6 +82,23 @@ def test_bursts_are_recorded_whole_from_latched_and_plain_publishers(tmp_path):
         wait_for(lambda: recorder.counts["/program"] >= 40, "every program")
     assert recorder.counts == {"/program": 40, "/trajectories": 0, "/joint_commands": 2000}
     assert sum(recorder.lost.values()) == 0
+
+
+@pytest.mark.parametrize("by_s", [-3600, 3600])
+def test_a_clock_that_is_set_moves_no_message_in_a_recording(tmp_path, monkeypatch, by_s):
+    wall_ns = time.time_ns
+    with (
+        client_node("test") as node,
+        Recorder(tmp_path / "bag", node, [topics.PROGRAM]) as recorder,
+    ):
+        publisher = publisher_heard(node, topics.PROGRAM)
+        publisher.publish(REQUEST)
+        wait_for(lambda: recorder.counts["/program"] == 1, "the first message")
+        # The middleware keeps the clock of before, as for messages that wait when it is set.
+        monkeypatch.setattr(time, "time_ns", lambda: wall_ns() + by_s * 10**9)
+        publisher.publish(REQUEST)
+        wait_for(lambda: recorder.counts["/program"] == 2, "the second message")
+    assert information(tmp_path / "bag")["duration"]["nanoseconds"] < 10**9 * DEADLINE_S
 
 
 def test_messages_that_a_publisher_dropped_are_counted_as_lost(tmp_path):

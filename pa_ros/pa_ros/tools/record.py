@@ -173,15 +173,20 @@ class Recorder:
 
     def _drain(self) -> int:
         """Record up to _ROUND waiting messages of each topic; return how many there were."""
-        # The middleware's wall clock may be set; distances between messages must stay.
-        taken, offset_ns = 0, now_ns() - time.time_ns()
+        taken, began_ns = 0, now_ns()
+        to_steady_ns = began_ns - time.time_ns()
         for reader in self._readers:
+            before = taken
             for payload, info in reader.take():
                 sent_ns, number = info["source_timestamp"], info["publication_sequence_number"]
                 # Some middlewares do not say when a message arrived.
-                log_ns = (info["received_timestamp"] or time.time_ns()) + offset_ns
+                log_ns = (info["received_timestamp"] or time.time_ns()) + to_steady_ns
+                # The wall clock may have been set since it arrived.
+                log_ns = min(max(log_ns, reader.emptied_ns), now_ns())
                 self._writer.write(reader.name, payload, log_ns, sent_ns, number or 0)
                 taken += 1
+            if taken - before < _ROUND:
+                reader.emptied_ns = began_ns
         return taken
 
 
@@ -190,6 +195,7 @@ class _TopicReader:
 
     def __init__(self, node: Node, name: str, one: Topic) -> None:
         self.name = name
+        self.emptied_ns = now_ns()  # what waits now arrived later
         self.gaps = SequenceGaps(lambda: node.count_publishers(name))
         self._subscription = node.create_subscription(
             one.type, name, lambda _: None, reader_qos(one.reader), raw=True

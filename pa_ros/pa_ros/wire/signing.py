@@ -97,6 +97,8 @@ class Checker:
             text = f"expected a new message of {mark.sender!r} (incarnation "
             text += f"{received.incarnation}, counter above {received.highest}), got counter "
             text += f"{mark.counter} of incarnation {mark.incarnation} again"
+            if mark.incarnation < received.incarnation:
+                text += "; if its machine's clock was set back before it started, restart this node"
             raise PaError(f"{topic}: {text}", code="auth.replayed")
 
 

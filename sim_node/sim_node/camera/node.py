@@ -39,6 +39,9 @@ if TYPE_CHECKING:  # it imports OpenCV
 SEEN = "seen"  # namespace of what is published
 KEPT = 20  # steps, one of which a picture is of
 PATIENCE, TICK_S = 0.7, 0.005  # the share of a control period that a step waits for its picture
+DO_CLOCKS_AGREE = (
+    "do steps arrive, and do both clocks agree? After a machine's clock was set, restart robot_node"
+)
 SAME_PX = 2.0  # greatest difference of two cameras' matrices
 
 
@@ -188,7 +191,7 @@ class CameraNode(ManagedNode):
         if abs(apart_s) > KEPT * arena.control_period:
             raise PerceptionError(
                 f"image.header.stamp: expected that of a step, got {apart_s:.1f} s after the newest"
-                ": do steps arrive, and do both clocks agree?",
+                f": {DO_CLOCKS_AGREE}",
                 code="perception.stamp",
             )
         of = min(self._steps, key=lambda step: abs(step.observation.stamp_ns - stamp_ns))
@@ -220,6 +223,8 @@ class CameraNode(ManagedNode):
         if self._age > self.config.timeout_s:
             names = f"{topics.CAMERA_IMAGE.name} and {topics.CAMERA_INFO.name}"
             seen = f"the arm holds: expected {names}, got none for {self._age:.1f} s"
+            if self._early is not None:
+                seen += f", or only some that are later than every step: {DO_CLOCKS_AGREE}"
         else:
             seen = f"sees {len(self._sight.tracker.tracks)} objects"
             if not self._refused:
