@@ -22,6 +22,7 @@ from pa_ros.bags.repair import repair
 from pa_ros.cli.main import main
 from pa_ros.core.experience import Step
 from pa_ros.ros import topics
+from pa_ros.ros.topics import best_effort
 from pa_ros.tools.client import client_node
 from pa_ros.tools.record import BAG_TOPICS, Recorder, SequenceGaps, topics_named
 from pa_ros.wire.definitions import installed_types, message_type
@@ -138,6 +139,15 @@ def test_metadata_states_qos_and_type_hashes_of_the_live_graph(tmp_path):
     with Reader(bag) as reader:
         types = {connection.topic: connection.msgtype for connection in reader.connections}
     assert types["/arena1/program"] == "msgs_schema/msg/Program"
+
+
+def test_a_driver_with_best_effort_is_recorded(tmp_path):
+    kind = topics.JOINT_STATES.type
+    with client_node("test") as node, Recorder(tmp_path / "bag", node) as recorder:
+        driver = node.create_publisher(kind, "joint_states", best_effort(topics.STEP))
+        wait_for(lambda: driver.get_subscription_count() > 0, "the recorder's reader")
+        driver.publish(kind(name=["a"]))
+        wait_for(lambda: recorder.counts["/joint_states"] == 1, "the message")
 
 
 def test_an_existing_folder_and_a_topic_without_a_publisher_are_rejected(tmp_path, monkeypatch):

@@ -9,6 +9,7 @@ from typing import Any
 from control_msgs.msg import JointJog
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -35,6 +36,11 @@ def quality(
         depth=depth,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )
+
+
+def best_effort(profile: QoSProfile) -> QoSProfile:
+    """The profile of a reader that hears every writer of new messages."""
+    return quality(profile.depth, reliable=False)
 
 
 # In lockstep at most three messages of a topic are under way, so a depth of 100 loses none.
@@ -79,9 +85,7 @@ class Topic:
 
     def subscribe(self, node: Node, callback: Callable[[Message], object]) -> Any:
         """Call back with each message."""
-        return node.create_subscription(
-            self.type, self.name, callback, self.reader, raw=self.as_bytes
-        )
+        return self._read(node, callback, self.reader)
 
     def parse(self, payload: bytes, names: Iterable[str] = ("",)) -> Message | None:
         """The message of bytes that a subscriber received; None unless one of the names is in it.
@@ -95,9 +99,39 @@ class Topic:
         except Exception as error:  # the middleware has its own
             raise WireError(self.name, "a message", error, code="wire.truncated") from error
 
+    def _read(self, node: Node, callback: Any, qos: QoSProfile, **more: Any) -> Any:
+        raw = self.as_bytes
+        return node.create_subscription(self.type, self.name, callback, qos, raw=raw, **more)
+
+
+class SensorTopic(Topic):
+    """A topic that drivers of other people publish, reliably or with best effort.
+
+    In DDS a reliable reader never hears a best-effort writer. One with best effort hears both, but
+    it loses most pictures even of a reliable writer, so it is made where such a writer appears.
+    """
+
+    def subscribe(self, node: Node, callback: Callable[[Message], object]) -> Any:
+        """Call back with each message, however it is sent."""
+        replaced_by: list[Any] = []
+
+        def receive(message: Message) -> None:
+            if not replaced_by:
+                callback(message)
+
+        def hear_all(_event: object) -> None:
+            # The first reader stays, unheard, as the executor may have queued more of its events.
+            if not replaced_by and reader in node.subscriptions:
+                node.get_logger().info(f"{self.name}: a publisher offers best effort: reads it so")
+                replaced_by.append(self._read(node, callback, best_effort(self.reader)))
+
+        events = SubscriptionEventCallbacks(incompatible_qos=hear_all)
+        reader = self._read(node, receive, self.reader, event_callbacks=events)
+        return reader
+
 
 OBJECT_FEATURES = Topic("object_features", msg.ObjectFeatures, STEP, STEP)
-JOINT_STATES = Topic("joint_states", JointState, STEP, STEP)
+JOINT_STATES = SensorTopic("joint_states", JointState, STEP, STEP)
 JOINT_COMMANDS = Topic("joint_commands", msg.JointCommand, STEP, STEP)
 VERDICT = Topic("verdict", msg.Verdict, STEP, STEP)
 # Relative: each arena has its own clock. In the root namespace it is ROS's /clock.
@@ -125,24 +159,24 @@ SETPOINTS = {  # by the form of the command
 }
 
 # Relative, so that blocks of several arenas do not share frames. In the root namespace: /tf.
-TF = Topic("tf", TFMessage, STEP, STEP)
+TF = SensorTopic("tf", TFMessage, STEP, STEP)
 TF_STATIC = Topic("tf_static", TFMessage, LATCHED, LATCHED_READER)
 
 # From a robot's sensors.
-DETECTIONS = Topic("detections", Detection3DArray, STEP, PICTURE)
+DETECTIONS = SensorTopic("detections", Detection3DArray, STEP, PICTURE)
 
 
 def tracked_pose(name: str) -> Topic:
     """A topic with the pose of one object."""
-    return Topic(name, PoseStamped, STEP, STEP)
+    return SensorTopic(name, PoseStamped, STEP, STEP)
 
 
 # For viewers.
 ROBOT_DESCRIPTION = Topic("robot_description", String, LATCHED, LATCHED_READER)
 MARKERS = Topic("markers", MarkerArray, STEP, STEP)
 # The names that image_transport and camera drivers use.
-CAMERA_IMAGE = Topic("camera/image_raw", Image, PICTURE, STEP)
-CAMERA_INFO = Topic("camera/camera_info", CameraInfo, PICTURE, STEP)
+CAMERA_IMAGE = SensorTopic("camera/image_raw", Image, PICTURE, STEP)
+CAMERA_INFO = SensorTopic("camera/camera_info", CameraInfo, PICTURE, STEP)
 # Pictures with boxes around the objects that were found.
 CAMERA_TRACKS = Topic("camera/tracks", Image, PICTURE, STEP)
 

@@ -163,6 +163,8 @@ class Recorder:
                 if time.monotonic() - flushed >= FLUSH_S:
                     flushed = time.monotonic()
                     self._writer.flush()
+                    for reader in self._readers:
+                        reader.hear_all()
             while self._drain():
                 pass
         except BagFullError as error:
@@ -197,9 +199,22 @@ class _TopicReader:
         self.name = name
         self.emptied_ns = now_ns()  # what waits now arrived later
         self.gaps = SequenceGaps(lambda: node.count_publishers(name))
-        self._subscription = node.create_subscription(
-            one.type, name, lambda _: None, reader_qos(one.reader), raw=True
-        )
+        self._node, self._topic = node, one
+        self._reliable_sensor = isinstance(one, topics.SensorTopic)
+        self._subscribe(one.reader)
+
+    def _subscribe(self, profile: QoSProfile) -> None:
+        kind, qos = self._topic.type, reader_qos(profile)
+        create = self._node.create_subscription
+        self._subscription = create(kind, self.name, lambda _: None, qos, raw=True)
+
+    def hear_all(self) -> None:
+        """Read with best effort as soon as a driver publishes so, as `SensorTopic` does."""
+        found = self._node.get_publishers_info_by_topic(self.name) if self._reliable_sensor else ()
+        if any(one.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for one in found):
+            self._reliable_sensor = False
+            self._node.destroy_subscription(self._subscription)
+            self._subscribe(topics.best_effort(self._topic.reader))
 
     def take(self) -> Iterable[tuple[bytes, Any]]:
         """Yield waiting messages, with what the middleware says about each."""
