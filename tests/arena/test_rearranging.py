@@ -1,5 +1,7 @@
 """Moving, adding and removing blocks during an episode."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -8,7 +10,7 @@ from pa_ros.arena import ReachTask, design_named, preset_named
 from pa_ros.arena.appearance import look_of
 from pa_ros.arena.designs import Kind
 from pa_ros.arena.errors import ArenaError
-from pa_ros.arena.rearranging import bodies, rearrange
+from pa_ros.arena.rearranging import LARGEST_M_S, LARGEST_RAD_S, bodies, rearrange
 from pa_ros.core.experience import Body
 from pa_ros.language import parse
 
@@ -97,11 +99,29 @@ def test_the_program_stays_while_its_target_is_removed_and_added_again():
     assert observation.program_id == "mine"
 
 
+@pytest.mark.parametrize("part", ["linear", "angular"])
+def test_speeds_are_limited_to_those_that_the_physics_stands(part: str):
+    task, most = begun(), {"linear": LARGEST_M_S, "angular": LARGEST_RAD_S}[part]
+    thrown = Body.at_rest(FAR + [0, 0, 0.4], FLAT)
+    for speed in (-most, 1.01 * most, 1e300):
+        placed = bodies(task)[1:]
+        placed[1] = replace(thrown, **{part: np.array([0.0, 0.0, speed])})
+        if speed > most:
+            with pytest.raises(ArenaError, match="twist: expected at most 10 m/s and 100 rad/s"):
+                rearrange(task, kinds_of(task), placed, [1])
+        else:
+            rearrange(task, kinds_of(task), placed, [1])
+            hold(task, 20)
+    assert np.isfinite(hold(task)[0].objects).all()
+
+
 @pytest.mark.parametrize(
     ("position", "quaternion", "says"),
     [
         (np.array([0.0, 2.0, 0.0]), FLAT, "within 0.8 m"),
         (np.array([0.0, np.nan, 0.0]), FLAT, "finite"),
+        (np.full(3, 1e300), FLAT, "within 0.8 m"),
+        (FAR, np.full(4, 1e300), "unit quaternion"),
         (FAR, np.zeros(4), "unit quaternion"),
         (None, FLAT, "to every other block"),
     ],

@@ -165,12 +165,13 @@ def test_a_custom_episode_is_placed() -> None:
 
 
 def test_unstable_physics_is_an_error(tmp_path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
-    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log into the working directory
+    monkeypatch.chdir(tmp_path)
     task = new_task()
     task.reset(0)
     task.simulation.data.qvel[:6] = 1e12
     with pytest.raises(PhysicsError, match="BADQVEL"):
         task.step(STILL)
+    assert not list(tmp_path.iterdir()), "MuJoCo's log would lie in the user's folder"
     with pytest.raises(ArenaError):
         task.step(STILL)
     assert issubclass(PhysicsError, PaError)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from math import atan2
+from math import atan2, hypot
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from pa_ros.arena.task import ReachTask
 from pa_ros.core.experience import Body
 
 REACH_M = TABLE_SIDE_M / 2  # greatest coordinate of a block, from the middle of the table
+# Greatest speeds of a block that somebody moves. MuJoCo gives up at very large ones.
+LARGEST_M_S, LARGEST_RAD_S = 10.0, 100.0
 APART_M = 0.05  # least distance between the centers of two blocks
 
 
@@ -50,6 +52,8 @@ def rearrange(
         numbers = np.concatenate([body.position, body.quaternion, body.linear, body.angular])
         if not np.isfinite(numbers).all():
             raise _scene_error(f"pose, twist: expected finite numbers, got {numbers.tolist()}")
+    for i in given:
+        _check(placed[i])
     solid = [task.design.schema.has_body(kind) for kind in kinds]
     edges = {block.kind: block.edge_m for block in task.episode.blocks}
     resting = [_resting(kind, body, edges.get(kind, 0.0))
@@ -67,15 +71,23 @@ def rearrange(
     task.rearrange(episode, poses, twists)
 
 
-def _lifted(block: Block, body: Body) -> Body:
-    """The body, raised to where it rests if it is lower; ArenaError for an impossible pose."""
-    if abs(np.linalg.norm(body.quaternion) - 1.0) > 1e-3:
+def _check(body: Body) -> None:
+    """Raise ArenaError for an impossible pose or velocity."""
+    if abs(hypot(*body.quaternion) - 1.0) > 1e-3:
         raise _scene_error(f"pose: expected a unit quaternion, got {body.quaternion.tolist()}")
     if (np.abs(body.position) > REACH_M).any():
         raise _scene_error(
             f"pose: expected a position within {REACH_M} m of the table's middle, "
             f"got {body.position.tolist()}"
         )
+    speed, spin = np.abs(body.linear).max(), np.abs(body.angular).max()
+    if speed > LARGEST_M_S or spin > LARGEST_RAD_S:
+        most = f"{LARGEST_M_S:g} m/s and {LARGEST_RAD_S:g} rad/s along an axis"
+        raise _scene_error(f"twist: expected at most {most}, got {speed:g} and {spin:g}")
+
+
+def _lifted(block: Block, body: Body) -> Body:
+    """The body, raised to where it rests if it is lower."""
     position = body.position.copy()
     # A block inside the table would be thrown out by the contact force.
     position[2] = max(position[2], block.look.rest_height)

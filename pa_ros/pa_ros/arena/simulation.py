@@ -29,6 +29,9 @@ _SIGN = np.array(
     [[-1.0, -1.0, -1.0, 1.0], [1.0, -1.0, 1.0, 1.0], [1.0, 1.0, -1.0, 1.0], [-1.0, 1.0, 1.0, 1.0]]
 )
 
+# MuJoCo would write warnings to a file in the current folder; `advance` reads them from the state.
+mujoco.set_mju_user_warning(lambda _text: None)
+
 
 class Simulation:
     """The physics of one arena. `place` starts an episode, `advance` runs one control period."""

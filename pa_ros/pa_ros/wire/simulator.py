@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -105,7 +106,7 @@ class EntityFilter:
             low, high = np.minimum(*self.box), np.maximum(*self.box)
             return bool(((low <= body.position) & (body.position <= high)).all())
         if self.sphere is not None:
-            return bool(np.linalg.norm(body.position - self.sphere[0]) <= self.sphere[1])
+            return math.dist(body.position, self.sphere[0]) <= self.sphere[1]
         return True
 
 
