@@ -12,9 +12,10 @@ from pydantic_core import SchemaError, SchemaValidator, core_schema
 
 from pa_ros.arena import Episode, Kind
 from pa_ros.arena.rearranging import bodies, rearrange
+from pa_ros.arena.urdf import FRAMES, link_name
 from pa_ros.core.experience import Body
 from pa_ros.wire.simulator import Category, Entity, EntityFilter, ResultCode, SpawnCode, Spawning
-from pa_ros.wire.views import Solid
+from pa_ros.wire.views import OPTICAL_FRAME, Solid
 from sim_node.session import Session, SimulatorError
 
 HAND = "hand"
@@ -149,7 +150,10 @@ class Entities:
         if not NAME.match(name):
             text = f"spawn_entity.name: expected letters, digits and _, got {name!r}"
             raise SimulatorError(text, SpawnCode.NAME_INVALID)
-        taken = [HAND, *self._names]
+        model = self._session.task.simulation.model
+        # Each name is a frame in tf, where it must have one parent.
+        links = (link_name(model, body) for body in range(model.body(HAND).id + 1))
+        taken = [*FRAMES, OPTICAL_FRAME, *links, *self._names]
         if name in taken and not request.allow_renaming:
             text = f"spawn_entity.name: expected another than {taken}, got {name!r}"
             raise SimulatorError(text, SpawnCode.NAME_NOT_UNIQUE)

@@ -8,7 +8,7 @@ import pytest
 
 from pa_ros.arena import ARMS, ReachTask, design_named, preset_named
 from pa_ros.arena.rearranging import bodies
-from pa_ros.arena.urdf import urdf
+from pa_ros.arena.urdf import FRAMES, urdf
 
 
 def turn(axis: str, angle: float) -> np.ndarray:
@@ -35,7 +35,8 @@ def pose_of(origin: ET.Element) -> np.ndarray:
 def hand(description: str, positions: dict[str, float]) -> np.ndarray:
     """The hand's pose [4, 4] at these joint positions, as URDF defines it."""
     joints = {j.find("child").get("link"): j for j in ET.fromstring(description).iter("joint")}
-    link, pose = "hand", np.eye(4)
+    assert not joints.keys() & set(FRAMES), "tf has these, from another parent"
+    link, pose = "hand_link", np.eye(4)
     while link != "world":
         joint = joints[link]
         step = pose_of(joint.find("origin"))
@@ -56,7 +57,7 @@ def test_the_urdf_puts_the_hand_where_the_model_has_it(arm):
     assert all(link.find("visual") is not None for link in robot.iter("link"))
     assert not list(robot.iter("box")), "the table is not part of the arm"
     names = [j.get("name") for j in robot.iter("joint")]
-    assert names[:-1] == list(ARMS[arm].joint_names) and names[-1] == "hand_fixed"
+    assert names[:-1] == list(ARMS[arm].joint_names) and names[-1] == "hand_link_fixed"
     rng = np.random.default_rng(0)
     for _ in range(20):
         observation, _ = task.step(rng.uniform(-1, 1, config.joints))

@@ -7,6 +7,7 @@ from pa_ros.core.experience import Body
 from pa_ros.language import ProgramError
 from pa_ros.wire.program import ProgramRequest
 from pa_ros.wire.simulator import Category, EntityFilter, ResultCode, Spawning
+from pa_ros.wire.views import OPTICAL_FRAME
 from sim_node.config import SimConfig
 from sim_node.entities import Entities, solids
 from sim_node.session import Session, SimulatorError
@@ -52,6 +53,12 @@ def test_a_wrong_expression_is_rejected(entities: Entities, pattern: str) -> Non
 def test_an_expression_takes_linear_time(entities: Entities) -> None:
     spawn(entities, "a" * 200, -0.5, -0.5)
     assert names(entities, "^(a+)+!$") == []
+
+
+@pytest.mark.parametrize("name", ["hand", "hand_link", "link1", "base", "world", OPTICAL_FRAME])
+def test_a_block_is_not_named_as_another_frame(entities: Entities, name: str) -> None:
+    with pytest.raises(SimulatorError, match=f"got '{name}'"):
+        spawn(entities, name, -0.5, -0.5)
 
 
 def test_a_restart_keeps_or_removes_added_blocks(session: Session, entities: Entities) -> None:

@@ -10,13 +10,13 @@ import mujoco
 import numpy as np
 
 ROOT, HAND = "world", "hand"
+FRAMES = HAND, "base"  # the arena publishes their poses itself, and a frame has one parent in tf
 _CAPSULE, _CYLINDER = int(mujoco.mjtGeom.mjGEOM_CAPSULE), int(mujoco.mjtGeom.mjGEOM_CYLINDER)
 _BOX, _SPHERE = int(mujoco.mjtGeom.mjGEOM_BOX), int(mujoco.mjtGeom.mjGEOM_SPHERE)
 
 
 def urdf(model: mujoco.MjModel, name: str, speed_limits: Sequence[float]) -> str:
-    """URDF of the chain from the table to the hand. Links have the names of bodies, joints their
-    names on the graph.
+    """URDF of the chain from the table to the hand. Joints have their names on the graph.
 
     Joint positions have the same zero as `joint_states`. URDF lacks capsules, so they become
     cylinders with two spheres. The links have shapes but no masses.
@@ -24,11 +24,17 @@ def urdf(model: mujoco.MjModel, name: str, speed_limits: Sequence[float]) -> str
     robot = ET.Element("robot", name=name)
     _link(robot, model, 0, ROOT)
     for number, body in enumerate(_chain(model)):
-        own, parent = model.body(body), model.body(model.body_parentid[body])
-        _link(robot, model, body, own.name)
-        _joint(robot, model, body, own.name, parent.name, speed_limits, number)
+        own, parent = (link_name(model, one) for one in (body, model.body_parentid[body]))
+        _link(robot, model, body, own)
+        _joint(robot, model, body, own, parent, speed_limits, number)
     ET.indent(robot)
     return ET.tostring(robot, encoding="unicode")
+
+
+def link_name(model: mujoco.MjModel, body: int) -> str:
+    """The name of a body's link: its own, or `hand_link` for the hand."""
+    name = str(model.body(body).name)
+    return f"{name}_link" if name in FRAMES else name
 
 
 def _chain(model: mujoco.MjModel) -> list[int]:
