@@ -96,6 +96,16 @@ def test_an_exception_while_it_waits_cancels_the_goal(arm: Arm) -> None:
     assert arm.goal is not None and arm.goal.result().code == "goal.cancelled"
 
 
+def test_a_forgotten_arm_ends_once_its_goals_are_forgotten(tmp_path: Path) -> None:
+    """As where a notebook's cell runs again."""
+    goal = Arm.simulated(logs=tmp_path, speed=5.0).start(REACHABLE, timeout=50)
+    assert goal.result().success and processes_of(tmp_path)
+    arm = Arm.simulated(logs=tmp_path / "again")
+    other = arm.start("NEAR(HAND, SPHERE)", timeout=0, hold=10_000)
+    del goal, arm, other
+    wait_for(lambda: not processes_of(tmp_path), "the arenas' end")
+
+
 def test_too_little_time_is_a_result(arm: Arm) -> None:
     arm.execute(REACHABLE)
     result = arm.execute("NEAR(HAND, AND(GREEN, CYLINDER))", timeout=1, hold=0.9)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import weakref
 from collections import deque
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -14,7 +15,7 @@ from pa_ros.acting.execution import ENDED, HOLD_S, Result, window_s
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.language import parse, parse_goal
 from pa_ros.tools.client import NoAnswerError
-from pa_ros.tools.connection import Connection
+from pa_ros.tools.connection import Connection, Lease
 from pa_ros.tools.domain import DomainClaim
 from pa_ros.tools.launch_params import load_parameters, merged, packaged
 from pa_ros.tools.scenes import Scene
@@ -60,7 +61,8 @@ class Arm:
 
     Methods block until they have an answer and may be called from any thread. They raise PaError:
     ProgramError for a wrong program, NoAnswerError if nobody answers. `close()`, or the end of the
-    `with` block, cancels what is being executed and ends everything that this object started.
+    `with` block, cancels what is being executed and ends everything that this object started. An
+    arm that no variable holds any more is closed, too.
     """
 
     def __init__(
@@ -88,6 +90,7 @@ class Arm:
         except BaseException:
             self.graph.close()
             raise
+        self._lease = Lease(self.graph)
 
     @classmethod
     def simulated(
@@ -215,7 +218,7 @@ class Arm:
         if not self.graph.until(self.graph.goals.server_is_ready):
             raise NoAnswerError(f"execute: {NO_AGENT}", code="arm.no_agent")
         given = window_s(text) if timeout is None else timeout
-        self.goal = GoalHandle(self.graph, ProgramGoal(text, given, hold))
+        self.goal = GoalHandle(self.graph, ProgramGoal(text, given, hold), self._lease)
         return self.goal
 
     def cancel(self) -> None:
@@ -319,10 +322,10 @@ class Arm:
 class GoalHandle:
     """A program that an agent executes. Iterate over it for its progress; `result()` waits."""
 
-    def __init__(self, graph: Connection, wanted: ProgramGoal) -> None:
+    def __init__(self, graph: Connection, wanted: ProgramGoal, lease: Lease | None = None) -> None:
         """Send the goal. An agent that knows no arena or weights yet is asked again."""
         self.program = wanted.text
-        self.graph, self._wanted = graph, wanted
+        self.graph, self._wanted, self._lease = graph, wanted, lease
         self._unread: deque[GoalProgress] = deque(maxlen=UNREAD)
         self._heard_at = self._began = time.monotonic()
         self._handle: Any = None
@@ -377,9 +380,15 @@ class GoalHandle:
     def _attempt(self) -> bool:
         """Send the goal; whether it ended at once because the agent is not ready yet."""
         graph = self.graph
-        message = encode_goal(self._wanted)
+        message, feed = encode_goal(self._wanted), weakref.WeakMethod(self._on_feedback)
+
+        def on_feedback(feedback: Any) -> None:
+            # The graph must not hold this object, and with it the lease.
+            if (receive := feed()) is not None:
+                receive(feedback)
+
         sent = graph.call(
-            partial(graph.goals.send_goal_async, message, feedback_callback=self._on_feedback)
+            partial(graph.goals.send_goal_async, message, feedback_callback=on_feedback)
         )
         if not graph.until(sent.done):
             raise NoAnswerError(f"no agent accepted the goal within {graph.patience:g} s")

@@ -8,6 +8,7 @@ import sys
 import tempfile
 import threading
 import time
+import weakref
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
@@ -135,3 +136,15 @@ class Connection:
         """Leave the graph, and end what was started."""
         atexit.unregister(self.close)
         self._stack.close()
+
+
+class Lease:
+    """What an arm and its goals hold: the connection is closed once all of them are forgotten.
+
+    A notebook's cell that runs again forgets the arm of its last run.
+    """
+
+    def __init__(self, graph: Connection) -> None:
+        # Whichever thread forgets the arm, perhaps the connection's own, must not wait here.
+        closing = threading.Thread(target=graph.close, name="forgotten arm")
+        weakref.finalize(self, closing.start).atexit = False  # then `graph` closes by itself
