@@ -2,6 +2,9 @@
 
 import sys
 
-from pa_ros.cli.main import main
+if not sys.flags.safe_path:
+    del sys.path[0]  # the current folder, whose random.py would stand in for Python's
+
+from pa_ros.cli.main import main  # noqa: E402
 
 sys.exit(main())

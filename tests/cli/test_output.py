@@ -32,6 +32,13 @@ def test_a_command_without_an_output_ends_well() -> None:
     assert ended.returncode == 0 and not ended.stderr
 
 
+def test_a_module_of_the_current_folder_is_not_run(tmp_path: Path, monkeypatch) -> None:
+    (tmp_path / "random.py").write_text("raise SystemExit('the file of the user was run')")
+    monkeypatch.chdir(tmp_path)
+    ended = run("", "eval", "--policy", "random", "--episodes", "1")
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
 def test_a_file_is_whole_and_a_link_stays_one(tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
     link = tmp_path / "link.txt"

@@ -42,6 +42,16 @@ def start(supervisor: Supervisor, folder: Path, name: str, code: str) -> int:
     return pid
 
 
+def test_a_child_imports_nothing_from_the_current_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("random", "types", "sim_node"):
+        Path(f"{name}.py").write_text("raise SystemExit('the file of the user was run')")
+    with Supervisor(tmp_path, patience=QUICK) as supervisor:
+        supervisor.start("a", [sys.executable, "-m", "sim_node.main", "--help"])
+        with pytest.raises(ChildError, match=r"exit status 0(.|\n)*of simulation time"):
+            wait_for(lambda: supervisor.check())
+
+
 def test_stop_interrupts_and_finally_kills(tmp_path):
     with Supervisor(tmp_path, patience=QUICK) as supervisor:
         pids = [start(supervisor, tmp_path, "a", OBEDIENT), start(supervisor, tmp_path, "b", DEAF)]

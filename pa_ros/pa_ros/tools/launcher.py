@@ -60,6 +60,8 @@ class Supervisor:
         """`environment` replaces variables of this process's environment."""
         self._log_folder = log_folder
         self._environment = {**os.environ, **(environment or {}), PARENT: str(os.getpid())}
+        # A child must not import a random.py of the user's from the current folder.
+        self._environment["PYTHONSAFEPATH"] = "1"
         self._patience = patience or Patience()
         self._children: list[_Child] = []
 
