@@ -5,7 +5,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 # A URL, because pip splits a path at its spaces.
 CONSTRAINED := PIP_CONSTRAINT="file://$(subst $() ,%20,$(subst %,%25,$(CURDIR)))/constraints.txt"
-PIP_INSTALL := $(CONSTRAINED) $(BIN)/python -m pip install --quiet --disable-pip-version-check
+# A terminal shows pip's own progress, a log only what each step is.
+QUIET := $(if $(MAKE_TERMOUT),,--quiet)
+PIP_INSTALL := $(CONSTRAINED) $(BIN)/python -m pip install $(QUIET) --disable-pip-version-check
 # Files that are compiled or copied. Python sources are installed editable and always current.
 COMPILED := pyproject.toml constraints.txt $(wildcard */launch/*.py *_node/config/*.yaml) \
   $(shell find msgs_schema pa_ros/native -type f 2>/dev/null)
@@ -13,6 +15,8 @@ COMPILED := pyproject.toml constraints.txt $(wildcard */launch/*.py *_node/confi
 # pip's own syntax would compile the messages again.
 requirements = $(shell $(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); e = p['project']['optional-dependencies']; print(*map(repr, $(1)))")
 
+# A ROS that is sourced sets it, to packages for another Python.
+unexport PYTHONPATH
 export OMP_NUM_THREADS ?= 1
 
 .PHONY: help install run train test lint fuzz sanitize chaos links bench results reference \
@@ -30,10 +34,12 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.installed: $(COMPILED) | $(BIN)/python
+	@echo "Downloading packages, and compiling the messages and the engine: some minutes"
 	$(PIP_INSTALL) --editable .
 	touch $@
 
 $(VENV)/.installed-%: $(VENV)/.installed
+	@echo "Downloading the packages of the extra $*"
 	$(PIP_INSTALL) $(call requirements,e['$*'])
 	touch $@
 
@@ -106,9 +112,10 @@ colcon: install-dev $(COLCON)/.ready  ## build all packages with colcon, and tes
 
 $(COLCON)/.ready: pyproject.toml constraints.txt | $(VENV)/.installed
 	mkdir -p $(COLCON) && touch build/COLCON_IGNORE
+	@echo "Downloading the packages that colcon builds with: some minutes"
 	$(PYTHON) -m venv $(COLCON)/venv
 	grep -v '^setuptools==' constraints.txt > $(COLCON)/constraints.txt  # colcon needs an older one
-	PIP_CONSTRAINT=$(COLCON)/constraints.txt $(COLCON)/venv/bin/python -m pip install --quiet \
+	PIP_CONSTRAINT=$(COLCON)/constraints.txt $(COLCON)/venv/bin/python -m pip install $(QUIET) \
 	  --disable-pip-version-check \
 	  $(call requirements,p['build-system']['requires'] + p['project']['dependencies'] + e['colcon'])
 	touch $@

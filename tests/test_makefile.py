@@ -22,7 +22,10 @@ def test_the_constraints_are_named_in_one_word(tmp_path: Path, name: str) -> Non
     done = subprocess.run(
         ["make", "-n", "install"], cwd=folder, capture_output=True, text=True, check=True
     )
-    line = next(line for line in done.stdout.splitlines() if "pip install" in line)
+    said = done.stdout.splitlines()
+    (at,) = (i for i, line in enumerate(said) if "pip install" in line)
+    line, before = said[at], said[at - 1]
+    assert "compiling the messages" in before, "pip takes minutes, and writes nothing to a log"
     value = shlex.split(line)[0].removeprefix("PIP_CONSTRAINT=")
     assert not re.search(r"\s", value)
     assert Path(unquote(value.removeprefix("file://"))) == folder / "constraints.txt"
