@@ -220,13 +220,13 @@ def __getattr__(name: str) -> Any:
         return Result
     if name != "Arm":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from pa_ros.core.errors import ConfigError
+    from pa_ros.ros.environment import require_ros
+
     try:
-        import rclpy  # noqa: F401
-    except ImportError as error:
-        raise ImportError(
-            "pa_ros.Arm: expected ROS 2 (rclpy), from `make install` or from your ROS "
-            f"installation's setup.bash; got: {error}"
-        ) from error
+        require_ros()
+    except ConfigError as error:
+        raise ImportError(f"pa_ros.Arm: {error}") from error
     from pa_ros.tools.arm import Arm
 
     return Arm

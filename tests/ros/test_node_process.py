@@ -9,9 +9,12 @@ from pathlib import Path
 import pytest
 
 from helpers.waiting import DEADLINE_S, wait_for
+from pa_ros.cli.main import COMMANDS, NEED_ROS
 from pa_ros.ros.environment import (
+    LOCALHOST_ONLY,
     LOOPBACK_PROFILE,
     NETWORK_CHOICES,
+    PEERS,
     RANGE,
     prepare_environment,
     ros_arguments,
@@ -142,22 +145,73 @@ def test_a_node_whose_launcher_is_gone_does_not_start():
 def test_the_users_choice_of_network_is_kept(choice, monkeypatch):
     for name in NETWORK_CHOICES:
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv(choice, "theirs")
+    theirs = "SUBNET" if choice == RANGE else "theirs"
+    monkeypatch.setenv(choice, theirs)
     prepare_environment()
     set_now = {name: os.environ[name] for name in NETWORK_CHOICES if name in os.environ}
-    assert set_now == {choice: "theirs"}
+    assert set_now == {choice: theirs}
 
 
-@pytest.mark.parametrize("discovery", ["", "LOCALHOST"])
-def test_the_graph_stays_on_this_machine(discovery, monkeypatch):
-    for name in NETWORK_CHOICES:
-        monkeypatch.setenv(name, "")
-    monkeypatch.setenv(RANGE, discovery)
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({}, ""),
+        ({RANGE: "LOCALHOST"}, ""),
+        ({RANGE: "localhost"}, ""),
+        ({RANGE: "subnet"}, "got 'subnet': takes it for LOCALHOST"),
+        ({RANGE: "OFF", PEERS: "10.0.0.1"}, ""),
+        ({LOCALHOST_ONLY: "1", RANGE: "SUBNET", PEERS: "10.0.0.1"}, ""),
+    ],
+)
+def test_the_graph_stays_on_this_machine(asked, said, monkeypatch, capsys):
+    for name in (*NETWORK_CHOICES, LOCALHOST_ONLY):
+        monkeypatch.setenv(name, asked.get(name, ""))
     prepare_environment()
-    assert not os.environ.get(RANGE)
+    # ROS listens on every interface if one of these is left beside the profile.
+    assert os.environ.get(RANGE, "") in ("", "OFF") and not os.environ.get(LOCALHOST_ONLY)
+    errors = capsys.readouterr().err
+    assert said in errors and len(errors.splitlines()) == bool(said)
     assert os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(LOOPBACK_PROFILE)
     assert LOOPBACK_PROFILE.is_file()
     monkeypatch.delenv("FASTRTPS_DEFAULT_PROFILES_FILE")
+
+
+STARTS = {
+    "node": ["-m", "sim_node.main"],
+    "command": ["-m", "pa_ros", "send"],
+    "notebook": ["-c", "import pa_ros\ntry: pa_ros.Arm\nexcept ImportError as e: exit(str(e))"],
+}
+
+
+@pytest.mark.parametrize("name", ["PYTHONPATH", "RMW_IMPLEMENTATION", "RCL_ASSERT_RMW_ID_MATCHES"])
+@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS)
+def test_an_environment_for_another_ros_is_refused_in_one_line(name, start, tmp_path):
+    (tmp_path / "rclpy").mkdir()
+    (tmp_path / "rclpy/__init__.py").write_text("raise ImportError('rclpy._pybind11\\nsee')")
+    value = str(tmp_path) if name == "PYTHONPATH" else "rmw_cyclonedds_cpp"
+    env = {**os.environ, name: value}
+    done = subprocess.run([sys.executable, *start], env=env, stderr=subprocess.PIPE, text=True)
+    assert done.returncode in (1, 2) and len(done.stderr.splitlines()) == 1, done.stderr
+    assert name in done.stderr and value in done.stderr and "unset" in done.stderr
+
+
+def test_other_commands_do_not_import_ros():
+    modules = [module for name, (module, _) in COMMANDS.items() if name not in NEED_ROS]
+    code = f"import sys, {', '.join(modules)}; sys.exit('rclpy' in sys.modules)"
+    env = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2] / "pa_ros")}  # the laboratory
+    assert subprocess.run([sys.executable, "-c", code], env=env).returncode == 0
+
+
+@graph
+@pytest.mark.parametrize("closed", ["2>&-", ">&-", "<&- >&- 2>&-"])
+def test_nodes_and_commands_run_without_standard_streams(closed):
+    send = f'"$1" -m pa_ros send --timeout 0.5 {closed}; echo $?'
+    command = ["sh", "-c", f'{send}; exec "$1" -m sim_node.main {closed}', "sh", sys.executable]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "3\n", "the status where there is no arena"
+        wait_for(lambda: len(sockets_of(process.pid)) > 1, "sockets of the node")
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(DEADLINE_S) == 0
 
 
 def test_arguments_carry_parameters_names_and_remaps():

@@ -17,7 +17,9 @@ from pa_ros.core import __version__
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.signals import EXIT_INTERRUPTED, Interrupted, signals_interrupt
 from pa_ros.core.software import check_opengl
+from pa_ros.core.streams import open_standard_streams
 from pa_ros.core.text import did_you_mean, printable_lines
+from pa_ros.ros.environment import require_ros
 
 # name: (module, one line of help). A module defines add_arguments(parser) and run(args) -> int.
 COMMANDS = {
@@ -42,6 +44,8 @@ COMMANDS = {
     "mcp": ("pa_ros.cli.mcp", "tools for assistants (MCP): see, check, and if allowed execute"),
     "demo": ("pa_ros.cli.demo", "learn over the graph, then execute programs (make run)"),
 }
+# These import rclpy.
+NEED_ROS = ("launch", "send", "record", "play", "console", "mcp", "demo")
 ABOUT = "Programmable agents: arms that execute declarative programs."
 EXIT_REFUSED = 2  # the user's input was rejected; argparse has the same status
 EXIT_PIPE = 141  # the status that a shell gives for SIGPIPE
@@ -100,6 +104,8 @@ def load_extensions(arguments: Sequence[str]) -> list[str]:
 
 def _run(arguments: Sequence[str], chosen: str | None) -> int:
     check_opengl()
+    if chosen in NEED_ROS:
+        require_ros()
     given = load_extensions(arguments)
     options = build_parser(chosen).parse_args(arguments)
     options.extension = given  # also those before the command's name
@@ -119,6 +125,7 @@ def complete() -> None:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one subcommand; returns its exit status (2: the input was refused)."""
     complete()
+    open_standard_streams()
     arguments = list(sys.argv[1:] if argv is None else argv)
     # The command is looked for before parsing, because the parser imports only its module.
     chosen = next((a for a in arguments if a in COMMANDS), None)
@@ -128,8 +135,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         with signals_interrupt():
             status = _run(arguments, chosen)
-        if sys.stdout is not None:  # None if the parent process closed it
-            sys.stdout.flush()
+        sys.stdout.flush()
         return status
     except PaError as error:
         print(f"{command}: {printable_lines(str(error))}", file=sys.stderr)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.streams import open_standard_streams
 
 if TYPE_CHECKING:
     from rclpy.context import Context
@@ -19,14 +21,20 @@ LAST_DOMAIN = 232  # a higher one would need ports above 65535
 LOOPBACK_PROFILE = Path(__file__).with_name("loopback.xml")
 # Any of these says that the user has decided who can see the graph.
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+OFF = "OFF"  # its value for no discovery at all
+PEERS = "ROS_STATIC_PEERS"
+LOCALHOST_ONLY = "ROS_LOCALHOST_ONLY"  # older; "1" makes ROS ignore the range and the peers
 NETWORK_CHOICES = (
     RANGE,
-    "ROS_STATIC_PEERS",
+    PEERS,
     "ROS_DISCOVERY_SERVER",
     "FASTRTPS_DEFAULT_PROFILES_FILE",
     "FASTDDS_DEFAULT_PROFILES_FILE",
     "FASTDDS_BUILTIN_TRANSPORTS",
 )
+# rcl ends a process, without a word, in which these name another middleware than the one it has.
+OWN = "rmw_fastrtps_cpp"
+MIDDLEWARE = ("RMW_IMPLEMENTATION", "RCL_ASSERT_RMW_ID_MATCHES")
 NAMESPACE = re.compile(r"/?([A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*)?")
 LONGEST_NAMESPACE = 200  # characters; ROS allows 247 for a topic with its namespace
 
@@ -35,19 +43,57 @@ def prepare_environment() -> None:
     """Set missing environment variables; call before `rclpy.init`. Child processes inherit them.
 
     Unless the user chose otherwise (NETWORK_CHOICES), the graph stays on this machine: the only
-    transport of Fast DDS is then UDP on the loopback interface. A range of LOCALHOST alone is that
-    choice, too, and gives way to the profile: ROS would only limit discovery with it, and listen on
-    every interface.
+    transport of Fast DDS is then UDP on the loopback interface. Who asks ROS for this machine alone
+    gets that, too, because ROS would only limit discovery, and listen on every interface. Closed
+    standard streams are opened.
     """
+    open_standard_streams()
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
     if "ROS_LOG_DIR" not in os.environ and not _has_log_folder():
         os.environ["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / f"pa_ros-log-{os.getuid()}")
-    chosen = {name: os.environ[name] for name in NETWORK_CHOICES if os.environ.get(name)}
-    if chosen == {RANGE: "LOCALHOST"}:
-        del os.environ[RANGE], chosen[RANGE]
-    if not chosen:
+    local = _local_choices()
+    if not any(os.environ.get(name) for name in NETWORK_CHOICES if name not in local):
+        for name in local:
+            if os.environ.get(name) != OFF:  # nodes then find nobody, as the user asked
+                os.environ.pop(name, None)
         os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(LOOPBACK_PROFILE)
         os.environ.setdefault("RMW_FASTRTPS_USE_QOS_FROM_XML", "1")  # for its memory policy
+
+
+def _local_choices() -> tuple[str, ...]:
+    """The variables that ask ROS for this machine alone, and those that ROS then ignores."""
+    discovery = os.environ.get(RANGE, "")
+    if os.environ.get(LOCALHOST_ONLY) == "1":
+        return LOCALHOST_ONLY, RANGE, PEERS
+    if discovery in ("SUBNET", "SYSTEM_DEFAULT"):
+        return ()
+    if discovery == OFF:
+        return RANGE, PEERS
+    if discovery.upper() not in ("", "LOCALHOST"):
+        text = f"expected LOCALHOST, SUBNET, SYSTEM_DEFAULT or OFF, got {discovery!r}"
+        print(f"{RANGE}: {text}: takes it for LOCALHOST, as ROS does", file=sys.stderr)
+    return (RANGE,)
+
+
+def require_ros() -> None:
+    """Import rclpy; call this before anything else does. Raises ConfigError where it cannot be."""
+    if sys.modules.get("rclpy") is not None:
+        return
+    attempt = [sys.executable, "-P", "-c", "import rclpy"]  # in a process that rcl may end
+    for name in MIDDLEWARE:
+        chosen = os.environ.get(name) or OWN
+        if chosen != OWN and subprocess.run(attempt, capture_output=True).returncode:
+            text = f"expected a middleware that is installed, such as {OWN}, got {chosen!r}"
+            raise ConfigError(f"{name}: {text}: unset it")
+    try:
+        import rclpy  # noqa: F401
+    except Exception as error:
+        path, python = os.environ.get("PYTHONPATH"), sys.version.split()[0]
+        reason = f"{type(error).__name__}: {str(error).partition(chr(10))[0]}"
+        # A ROS that is sourced sets both.
+        cure = f"unset PYTHONPATH ({path}) and LD_LIBRARY_PATH" if path else "run `make install`"
+        text = f"expected ROS 2 (rclpy) for Python {python}, got {reason}: {cure}"
+        raise ConfigError(text) from error
 
 
 def _has_log_folder() -> bool:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.signals import on_ending
-from pa_ros.ros.environment import prepare_environment, start_ros
+from pa_ros.ros.environment import prepare_environment, require_ros, start_ros
 
 if TYPE_CHECKING:  # this import takes time, in which no signal is handled
     from pa_ros.core.settings import Settings
@@ -50,16 +50,15 @@ def run_node(
     with _stop_on_signal(grace_s) as stop:
         prepare_environment()
         die_with_parent(grace_s, lingers_s)
-        import rclpy
-
-        from pa_ros.ros.executor import spin_until
-
         given = [name, *(sys.argv[1:] if arguments is None else arguments)]
-        words = _words_not_of_ros(given)
-        if {"-h", "--help"} & set(words):
-            print(usage(name, resolve_name(settings) if settings else None))
-            return 0
         try:
+            require_ros()
+            from pa_ros.ros.executor import spin_until
+
+            words = _words_not_of_ros(given)
+            if {"-h", "--help"} & set(words):
+                print(usage(name, resolve_name(settings) if settings else None))
+                return 0
             if words:
                 raise ConfigError(f"arguments: expected --ros-args or --help, got {words[0]!r}")
             start_ros(given)
@@ -78,13 +77,11 @@ def run_node(
                 )
             finally:
                 status = _close(nodes)
-            if (error := _ended_by(nodes)) is not None:
-                raise error
+            if (ended := _ended_by(nodes)) is not None:
+                raise ended
         except PaError as error:
             print(f"{name}: [{error.code}] {error}", file=sys.stderr)
             return EXIT_REFUSED
-        finally:
-            rclpy.try_shutdown()
     return status
 
 
@@ -95,7 +92,9 @@ def _ended_by(nodes: Sequence[Any]) -> PaError | None:
 
 
 def _close(nodes: Sequence[Any]) -> int:
-    """Close and destroy nodes, the newest first; the exit status of the process."""
+    """Close and destroy nodes, the newest first, and end ROS; the exit status of the process."""
+    import rclpy
+
     from pa_ros.ros.executor import release
 
     try:
@@ -105,6 +104,7 @@ def _close(nodes: Sequence[Any]) -> int:
             release(nodes[0])
         for node in nodes:
             node.destroy_node()
+        rclpy.try_shutdown()
 
 
 def usage(name: str, settings: type[Settings] | None = None) -> str:
