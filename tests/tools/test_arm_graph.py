@@ -214,8 +214,9 @@ def test_blocks_are_moved_by_number_and_wrong_requests_say_why(arm: Arm) -> None
         arm.move(99, 0.0, 0.3)
     with pytest.raises(PaError, match="blocks, got number 'RED CUBE'"):
         arm.move("RED CUBE", 0.0, 0.3)  # type: ignore[arg-type]
-    with pytest.raises(PaError, match="expected the number of an episode, got -1"):
-        arm.reset(-1)
+    for number in (-1, 2**64, 0.5):
+        with pytest.raises(PaError, match=f"expected the number of an episode, got {number}"):
+            arm.reset(number)  # type: ignore[arg-type]
     with pytest.raises(PaError, match="real_time_factor"):
         arm.set_speed(-1.0)
     arm.set_speed(5.0)

@@ -115,7 +115,7 @@ def _on_the_robot(
         arm = simulated.ArmDriver()
         written = _listen(arm, delays)
         try:
-            started = [subprocess.Popen([python, *command]) for command in commands]
+            started = [subprocess.Popen([python, "-P", *command]) for command in commands]
             return _execute(simulated, arm, scenes)
         finally:
             for process in started:

@@ -244,7 +244,7 @@ class Arm:
 
     def reset(self, episode: int | None = None, evaluation: bool = False) -> Scene:
         """Begin the next scene, or the scene of an episode, and return it."""
-        if episode is not None and (not isinstance(episode, Integral) or episode < 0):
+        if episode is not None and not (isinstance(episode, Integral) and 0 <= episode < 2**64):
             raise ConfigError(f"reset: expected the number of an episode, got {episode!r}")
         began = self.graph.services.reset(ResetRequest(episode, "", evaluation))
 
