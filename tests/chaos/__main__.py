@@ -2,8 +2,10 @@
 
 import argparse
 import sys
+import time
 from pathlib import Path
 
+from chaos.attacks import attack
 from chaos.campaign import campaign, chosen, write_table
 from chaos.soak import soak
 from pa_ros.core.errors import PaError
@@ -22,11 +24,16 @@ def main() -> int:
     parser.add_argument(
         "--soak", type=float, metavar="S", help="only kill a node every 20 s, so long"
     )
+    parser.add_argument("--robot", action="store_true", help="only attack robot_node at random")
+    parser.add_argument("--minutes", type=float, default=10.0, help="of --robot (%(default)s)")
+    parser.add_argument("--seed", type=int, default=time.time_ns() % 10**6, help="of --robot")
     options = parser.parse_args()
     try:
         with signals_interrupt():
             if options.soak:
                 return int(not soak(options.soak, options.out))
+            if options.robot:
+                return int(not attack(options.minutes, options.seed, options.out))
             faults = chosen(options.only, options.short)
             cycles = len(faults) if options.short else options.cycles
             rows = campaign(faults, cycles, options.out)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from chaos import faults, messages, services
+from chaos import faults, messages, robot, services
 from chaos.cycles import Cycle, mis_joined, orphans, run_cycle, shared_memory
 from chaos.faults import Fault
 from chaos.stage import Stage, staged
@@ -60,7 +60,7 @@ def all_faults() -> list[Fault]:
     return [*faults.process_faults(), *faults.order_faults(), *faults.disk_faults(),
             *messages.stranger_faults(), *faults.launcher_faults(), *messages.relay_faults(),
             *services.service_faults(), *faults.executing_faults(),
-            *faults.fleet_faults()]  # fmt: skip
+            *faults.fleet_faults(), *faults.extension_faults(), *robot.robot_faults()]  # fmt: skip
 
 
 def chosen(only: Sequence[str] = (), short: bool = False) -> list[Fault]:
@@ -109,8 +109,9 @@ def _on_one_stage(folder: Path, number: int, part: list[Row], log: Callable[[str
     done: list[Cycle] = []
     agents: set[str] = set()
     memory: set[Path] = set()
+    kind = part[0].fault.kind
     try:
-        with staged(folder, number, part[0].fault.kind) as stage:
+        with staged(folder, number, kind, robot.Rig if kind == "robot" else Stage) as stage:
 
             def note() -> None:
                 agents.add(stage.observer.text("agent_node", "agent_id"))
@@ -155,7 +156,7 @@ def _line(cycle: Cycle) -> str:
         for value in (cycle.seen_after, cycle.recovered_after)
     )
     return (f"{cycle.fault:<48} reported {seen:>7}  recovered {recovered:>7}  lost {cycle.lost}  "
-            + "; ".join(cycle.failures))  # fmt: skip
+            + "; ".join([*cycle.failures, *([cycle.note] if cycle.note else [])]))  # fmt: skip
 
 
 def write_table(path: Path, rows: Sequence[Row]) -> None:

@@ -24,8 +24,6 @@ from pa_ros.world.world import World
 READY_S: Final = 20.0
 RECOVER_S: Final = 45.0
 REPORT_S: Final = 3.0  # in which a node must report the fault (invariant 12 of the design)
-HELD_RAD: Final = 2e-3  # a holding arm may settle by this much
-SETTLE_S: Final = 1.0  # until nodes notice that commands stopped
 ACCOUNT_S: Final = 5.0  # until nodes, which report once a second, account for all trajectories
 BACKLOG_S: Final = 0.5  # in which older messages arrive
 ADVANCE: Final = 5  # versions, or steps, that show work
@@ -43,6 +41,7 @@ class Cycle:
     recovered_after: float | None = None
     lost: int = 0  # trajectories that nobody accounts for
     mis_joined: int = 0
+    note: str = ""  # what else was measured
     failures: list[str] = field(default_factory=list)  # invariants that did not hold
 
 
@@ -65,8 +64,9 @@ def run_cycle(stage: Stage, fault: Fault) -> Cycle:
                                   f"{fault.hold_s:g} s after version {version}")  # fmt: skip
         if fault.ends_all and (left := orphans(stage.mark)):
             cycle.failures.append(f"processes left behind: {left}")
-        if fault.halts and (moved := observer.moved(struck + SETTLE_S)) > HELD_RAD:
-            cycle.failures.append(f"the arm moved by {moved:.4f} rad while commands had stopped")
+        if fault.halts or fault.rests:
+            unrest = stage.unrest(struck, fault.halts)
+            cycle.failures += [unrest] if unrest else []
         fault.lift(stage)
         _recover(stage, cycle, struck)
         if not fault.silent:  # all may be well again before a node's next report, once a second
@@ -78,6 +78,8 @@ def run_cycle(stage: Stage, fault: Fault) -> Cycle:
         cycle.failures.append("no node reported it")
     elif not fault.silent and cycle.seen_after is not None and cycle.seen_after > REPORT_S:
         cycle.failures.append(f"reported only after {cycle.seen_after:.1f} s: {cycle.report}")
+    cycle.note, harm = stage.harm()
+    cycle.failures += harm
     if stage.learns:
         missing = _unexplained(stage) - unexplained
         cycle.lost = max(0, missing)
@@ -107,14 +109,14 @@ def _recover(stage: Stage, cycle: Cycle, struck: float) -> None:
     """Wait until all nodes report OK, work advances, and every trajectory is accounted for."""
     observer, lifted = stage.observer, time.monotonic()
     stage.wait(BACKLOG_S)  # what was published before shows no work
-    learner, version, steps = observer.learner, observer.ledger.version, observer.steps
+    learner, version, steps = observer.learner, observer.ledger.version, stage.progress
 
     def works() -> bool:
         if stage.learns:
             same = observer.learner is not None and observer.learner == learner
             advanced = observer.ledger.version > (version if same else 0) + ADVANCE
         else:
-            advanced = observer.steps > steps + ADVANCE
+            advanced = stage.progress > steps + ADVANCE
         return advanced and observer.all_ok(stage.nodes)
 
     if not stage.until(_noting(stage, cycle, struck, works), RECOVER_S):

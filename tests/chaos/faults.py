@@ -12,7 +12,9 @@ from typing import Any, Final, Literal
 from chaos.stage import LAUNCHER, NODES, RECORDER, START_S, Stage, StageError
 from pa_ros.learning.checkpoint_files import find_checkpoint
 
-Kind = Literal["learning", "keyed", "launched", "relayed", "executing", "fleet"]
+Kind = Literal[
+    "learning", "keyed", "launched", "relayed", "executing", "fleet", "extended", "robot"
+]
 Act = Callable[[Stage], object]
 
 DOWN_S: Final = 3.0  # that an ended process stays away
@@ -42,6 +44,7 @@ class Fault:
     silent: str = ""  # why no node needs to report it
     damages: int = 0  # checkpoints that may be lost
     halts: bool = False  # the arm must hold still
+    rests: bool = False  # the arm must come to rest, and may move again
     others_continue: bool = False  # the learner must keep learning from another arena
     ends_all: bool = False  # no process may be left meanwhile
     ready: Callable[[Stage], bool] = lambda _: True  # awaited before the strike
@@ -53,7 +56,7 @@ def process_faults() -> list[Fault]:
     for name in (*NODES, RECORDER):
         silent = NO_DIAGNOSTICS if name == RECORDER else ""
         faults += [
-            *(_signalled(name, number, silent=silent) for number in SIGNALS),
+            *(signalled(name, number, silent=silent) for number in SIGNALS),
             Fault(f"{name}: restart", _restart(name), hold_s=0.0, silent=silent or "too short"),
             Fault(f"{name}: started twice", partial(_start_second, name), _stop(f"{name}-second"),
                   SECOND_S, silent=silent),
@@ -73,7 +76,7 @@ def order_faults() -> list[Fault]:
 def executing_faults() -> list[Fault]:
     """An agent that stops sending commands in real time."""
     return [
-        _signalled("agent_node", number, "real time, agent_node:", kind="executing", halts=True)
+        signalled("agent_node", number, "real time, agent_node:", kind="executing", halts=True)
         for number in (signal.SIGKILL, signal.SIGSTOP)
     ]
 
@@ -93,21 +96,21 @@ def fleet_faults() -> list[Fault]:
             stage.start(name)
 
     lags = [
-        _signalled(name, signal.SIGSTOP, f"fleet, an arena lags: its {name}", kind="fleet",
+        signalled(name, signal.SIGSTOP, f"fleet, an arena lags: its {name}", kind="fleet",
                    others_continue=True)
         for name in arena
     ]  # fmt: skip
-    killed = _each(*(_signal(name, signal.SIGKILL) for name in arena))
+    killed = _each(*(signal_to(name, signal.SIGKILL) for name in arena))
     return [
         Fault("fleet, an arena dies and comes back under its name", killed,
               _each(*map(_restart, arena)), DOWN_S, "fleet", others_continue=True),
         *lags,
         Fault("fleet, an agent comes back under its name at once",
-              _each(_signal("agent_node", signal.SIGKILL), _restart("agent_node")), kind="fleet",
+              _each(signal_to("agent_node", signal.SIGKILL), _restart("agent_node")), kind="fleet",
               silent="it is a new incarnation with new sequence numbers", others_continue=True),
         Fault("fleet, the other arena joins late", late, hold_s=0.0, kind="fleet",
               silent="joining late is no trouble"),
-        _signalled(LEARNER, signal.SIGKILL, "fleet, the learner dies:", kind="fleet"),
+        signalled(LEARNER, signal.SIGKILL, "fleet, the learner dies:", kind="fleet"),
     ]  # fmt: skip
 
 
@@ -115,9 +118,9 @@ def launcher_faults() -> list[Fault]:
     """`pa_ros launch` killed, stopped, restarted, started twice; its recorder killed."""
     on_launch = partial(Fault, kind="launched", silent=NO_DIAGNOSTICS)
     return [
-        *(on_launch(f"launcher: {number.name}", _signal(LAUNCHER, number), _launch_again,
+        *(on_launch(f"launcher: {number.name}", signal_to(LAUNCHER, number), _launch_again,
                     2 * STOPPED_S, ends_all=True) for number in (signal.SIGKILL, signal.SIGTERM)),
-        _signalled(LAUNCHER, signal.SIGSTOP, kind="launched", silent=NO_DIAGNOSTICS),
+        signalled(LAUNCHER, signal.SIGSTOP, kind="launched", silent=NO_DIAGNOSTICS),
         on_launch("launcher: restart", _launch_again, hold_s=0.0),
         on_launch("launcher: started twice", _launch_twice, _stop(f"{LAUNCHER}-second"), 0.0),
         on_launch("launched recorder: SIGKILL", _kill_launched_recorder, _launch_again,
@@ -136,17 +139,29 @@ def disk_faults() -> list[Fault]:
               STOPPED_S),
         Fault("recorder: disk full", _limit_files(RECORDER, 0), _restart(RECORDER), 2.0,
               silent=NO_DIAGNOSTICS),
+        Fault("checkpoint: a foreign file", partial(_damage_newest, "notes.txt", Path.touch),
+              hold_s=0.0, silent="nothing is damaged", ready=lambda stage: bool(stage.versions())),
         *(Fault(f"checkpoint: {text.format(name)}", partial(_damage_newest, name, damage),
                 hold_s=0.0, damages=1, ready=lambda stage: len(stage.versions()) > 1)
           for text, damage in damages.items() for name in FILES),
     ]  # fmt: skip
 
 
-def _signalled(name: str, number: signal.Signals, title: str = "", **rest: Any) -> Fault:
+def extension_faults() -> list[Fault]:
+    """A reward that fails for a while."""
+
+    def flag(stage: Stage) -> Path:
+        return stage.folder / "raise"
+
+    return [Fault("sim_node: an extension's reward raises", lambda stage: flag(stage).touch(),
+                  lambda stage: flag(stage).unlink(), kind="extended")]  # fmt: skip
+
+
+def signalled(name: str, number: signal.Signals, title: str = "", **rest: Any) -> Fault:
     """A signal to a process, which is woken or started again afterwards."""
-    title, strike = title or f"{name}:", _signal(name, number)
+    title, strike = title or f"{name}:", signal_to(name, number)
     if number == signal.SIGSTOP:
-        wake = _signal(name, signal.SIGCONT)
+        wake = signal_to(name, signal.SIGCONT)
         return Fault(f"{title} SIGSTOP {STOPPED_S:.0f} s", strike, wake, STOPPED_S, **rest)
     return Fault(f"{title} {number.name}", strike, _restart(name), **rest)
 
@@ -159,7 +174,7 @@ def _each(*acts: Act) -> Act:
     return act
 
 
-def _signal(name: str, number: signal.Signals) -> Act:
+def signal_to(name: str, number: signal.Signals) -> Act:
     return lambda stage: stage.signal(name, number)
 
 

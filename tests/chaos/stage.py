@@ -4,10 +4,10 @@ import os
 import signal
 import sys
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from rclpy.node import Node
 
@@ -24,6 +24,8 @@ from pa_ros.tools.launch_params import Parameters, write_parameters
 from pa_ros.tools.launcher import Patience, Supervisor, node_command
 
 MARK: Final = "PA_ROS_CHAOS"  # environment variable of every process of a stage
+HELD_RAD: Final = 2e-3  # a holding arm may settle by this much
+SETTLE_S: Final = 1.0  # until nodes notice that commands stopped
 START_S: Final = 60.0  # much longer than a graph needs to start
 NODES: Final = ("sim_node", "agent_node", "learner_node")
 RECORDER: Final = "recorder"
@@ -36,6 +38,22 @@ SMALL: Final = {  # learns with small networks, quick to start and to resume
     "learner.schedule.trajectory_steps": 20,
     "network.hidden": 16,
 }
+REWARD: Final = """
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from pa_ros.world import REWARDS
+from pa_ros.world.reward import Sparse
+
+@dataclass(frozen=True)
+class Moody(Sparse):
+    def __call__(self, satisfied, measure):
+        if "sim_node" in sys.argv[0] and Path(__file__).with_name("raise").exists():
+            raise ZeroDivisionError("as the file says")
+        return super().__call__(satisfied, measure)
+
+REWARDS.register("moody", Moody)
+"""
 
 
 class StageError(PaError):
@@ -49,6 +67,8 @@ def parameters_of(kind: str, folder: Path) -> Parameters:
     if kind == "executing":
         scene = {"mode": "real_time", "real_time_factor": 2.0, "episode_steps": 100_000}
         return {"sim_node": {"seed": 4, **scene}, "agent_node": {"seed": 4, "weights": "random"}}
+    if kind == "robot":
+        return {"robot_node": {"robot": str(folder.resolve() / "robot.yaml"), "autostart": True}}
     learning: Parameters = {
         "sim_node": {"seed": 4, "episode_steps": 40, "resend_period_s": 0.25},
         "agent_node": {"seed": 4, "learning": True, "resend_period_s": 0.5, "stuck_after_s": 2.0},
@@ -61,6 +81,12 @@ def parameters_of(kind: str, folder: Path) -> Parameters:
         path.write_bytes(os.urandom(32))
         return {name: {**values, "auth_key_file": str(path.resolve())}
                 for name, values in learning.items()}  # fmt: skip
+    if kind == "extended":
+        path = (folder / "reward.py").resolve()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(REWARD)
+        learning["sim_node"] |= {"extensions": [str(path)], "reward": "moody"}
+        learning["learner_node"] |= {"extensions": [str(path)]}
     if kind == "fleet":  # a second arena feeds the same learner
         agent = learning["agent_node"]
         return {
@@ -76,8 +102,10 @@ def parameters_of(kind: str, folder: Path) -> Parameters:
 class Stage:
     """Processes by name that can be hurt and started again; the learner resumes its checkpoint."""
 
-    def __init__(self, folder: Path, node: Node, kind: str) -> None:
-        """`kind` is a `faults.Kind`."""
+    def __init__(
+        self, folder: Path, node: Node, kind: str, environment: Mapping[str, str] | None = None
+    ) -> None:
+        """`kind` is a `faults.Kind`; `environment` is added to that of every process."""
         self.folder, self.node = folder, node
         self.observer = Observer(node)
         self.mark = uuid.uuid4().hex
@@ -87,7 +115,9 @@ class Stage:
         self._pids: dict[str, int] = {}
         self._starts = 0
         patience = Patience(interrupt_s=10.0, terminate_s=3.0)
-        self._supervisor = Supervisor(folder / "log", {MARK: self.mark}, patience)
+        self._supervisor = Supervisor(
+            folder / "log", {**(environment or {}), MARK: self.mark}, patience
+        )
 
     @property
     def nodes(self) -> tuple[str, ...]:
@@ -96,6 +126,11 @@ class Stage:
     @property
     def learns(self) -> bool:
         return "learner_node" in self._parameters
+
+    @property
+    def progress(self) -> int:
+        """Grows while a graph that does not learn works."""
+        return self.observer.steps
 
     @property
     def key(self) -> bytes:
@@ -133,8 +168,18 @@ class Stage:
 
     def works(self) -> bool:
         """Whether all nodes report OK and some work was done."""
-        done = self.observer.ledger.version > 3 if self.learns else self.observer.steps > 10
+        done = self.observer.ledger.version > 3 if self.learns else self.progress > 10
         return done and self.observer.all_ok(self.nodes)
+
+    def unrest(self, since_s: float, stays: bool) -> str:
+        """What is wrong if the arm must be at rest soon after a time (s, monotonic) and, if it
+        `stays` so, until now; empty: nothing."""
+        moved = self.observer.moved(since_s + SETTLE_S)
+        return f"the arm moved by {moved:.4f} rad" if stays and moved > HELD_RAD else ""
+
+    def harm(self) -> tuple[str, list[str]]:
+        """What the arm did since the last call, and what it must not have done."""
+        return "", []
 
     def until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Serve observer and relay until the condition holds; whether it does in time."""
@@ -230,11 +275,14 @@ def _file_name(name: str) -> str:
     return name.replace("/", ".")
 
 
+S = TypeVar("S", bound=Stage)
+
+
 @contextmanager
-def staged(folder: Path, number: int, kind: str) -> Iterator[Stage]:
+def staged(folder: Path, number: int, kind: str, make: Callable[..., S] = Stage) -> Iterator[S]:
     """A stage that works, in its own namespace; everything is stopped afterwards."""
     with client_node("chaos", f"chaos{number}") as node:
-        stage = Stage(folder, node, kind)
+        stage = make(folder, node, kind)
         try:
             stage.begin()
             yield stage
