@@ -36,9 +36,11 @@ def attack(
                 make = partial(Rig, control=control, seed=chance.randrange(2**32))
                 with staged(folder, number, "robot", make) as rig:
                     for cycle in _attacks(rig, chance, ends_at):
-                        log(f"{control}: {cycle.fault}: {'; '.join([cycle.note, *cycle.failures])}")
                         done.append(cycle)
-                worst.add(rig.worst)
+                        log(
+                            f"{control}, {cycle.fault}: " + "; ".join([cycle.note, *cycle.failures])
+                        )
+                    worst.add(rig.worst)
     failed = [cycle for cycle in done if cycle.failures]
     log(f"seed {seed}: {len(done)} faults, {len(failed)} failed; at worst {worst}")
     return not failed

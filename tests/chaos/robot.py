@@ -133,7 +133,7 @@ def robot_faults() -> list[Fault]:
     """Dead and stopped processes, lost and bad messages, and a wall clock that is set."""
     common: dict[str, Any] = {"kind": "robot", "ready": lambda s: _rig(s).arm.speed > FAST}
     dead = {"silent": "nobody else has diagnostics", "halts": True}
-    no_harm = {"silent": "the arm moves on"}
+    no_harm: dict[str, Any] = {"silent": "the arm moves on"}
     crowded = [crowd(200)] * 2  # 100 times a second
 
     def sends(name: str, spoil: Spoil, **rest: Any) -> Fault:
@@ -189,4 +189,4 @@ def _detected(sent: Sent) -> Any:
 
 def _large(message: bytes) -> Spoil:
     """Send a large message twice a second."""
-    return lambda sent: sent.number % 25 == 0 and sent.more.append(message)
+    return lambda sent: sent.more.extend([] if sent.number % 25 else [message])

@@ -26,7 +26,7 @@ def soak(seconds: float, kept: Path | None, log: Callable[[str], None] = print) 
     """
     use_free_domain()
     with tempfile.TemporaryDirectory(prefix="pa_ros-soak-") as made:
-        with staged((kept or Path(made)) / "soak", 0, "learning") as stage:
+        with staged((kept or Path(made)) / "soak", 0, "learning", Stage) as stage:
             ends_at, kills = time.monotonic() + seconds, 0
             for name in itertools.cycle(NODES):
                 if time.monotonic() + EVERY_S > ends_at:

@@ -279,7 +279,7 @@ S = TypeVar("S", bound=Stage)
 
 
 @contextmanager
-def staged(folder: Path, number: int, kind: str, make: Callable[..., S] = Stage) -> Iterator[S]:
+def staged(folder: Path, number: int, kind: str, make: Callable[..., S]) -> Iterator[S]:
     """A stage that works, in its own namespace; everything is stopped afterwards."""
     with client_node("chaos", f"chaos{number}") as node:
         stage = make(folder, node, kind)
