@@ -7,6 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from threading import Thread
 from typing import Any, Final
 
@@ -265,6 +266,7 @@ def _detection(body: Any) -> Detection3D:
     return Detection3D(results=[guess])
 
 
+@cache
 def crowd(frames: int) -> bytes:
     """A message of tf with so many frames that nobody wants."""
     link = TransformStamped(child_frame_id="somebody's_link")

@@ -160,11 +160,24 @@ def _line(cycle: Cycle) -> str:
 
 
 def write_table(path: Path, rows: Sequence[Row]) -> None:
-    """Rewrite the table between the markers of a page; a row for each fault that was injected."""
+    """Rewrite the table between the markers of a page; a row for each fault that was injected, and
+    the rows of the others as they were."""
     before, _, rest = path.read_text().partition(TABLE[0])
-    _, _, after = rest.partition(TABLE[1])
-    table = HEAD + "".join(_cells(row) for row in rows if row.cycles)
+    old, _, after = rest.partition(TABLE[1])
+    places = {fault.name: i for i, fault in enumerate(all_faults())}
+    for row in rows:
+        places.setdefault(row.fault.name, len(places))
+    injected = [(places[row.fault.name], _cells(row)) for row in rows if row.cycles]
+    done = {place for place, _ in injected}
+    kept = [(places.get(_name(line), -1), line) for line in old.splitlines(keepends=True)]
+    lines = injected + [(place, line) for place, line in kept if place not in {-1, *done}]
+    table = HEAD + "".join(line for _, line in sorted(lines, key=lambda entry: entry[0]))
     path.write_text(before + TABLE[0] + table + TABLE[1] + after)
+
+
+def _name(line: str) -> str:
+    """The fault of a row of the table."""
+    return line.removeprefix("| ").partition(" |")[0].partition(" **failed**")[0]
 
 
 def _cells(row: Row) -> str:

@@ -1,19 +1,23 @@
-"""Fault injection without a graph: rows, tables, orphans, and what counts as lost."""
+"""Fault injection: rows, tables, orphans, what counts as lost, and a real arm that is attacked."""
 
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
+from chaos.arm import TICK_S, PushedArm, Record
 from chaos.campaign import Row, all_faults, chosen, write_table
-from chaos.cycles import SHARED_MEMORY, Cycle, orphans, shared_memory
+from chaos.cycles import SHARED_MEMORY, Cycle, orphans, run_cycle, shared_memory
 from chaos.faults import Fault
 from chaos.observer import Ledger
-from chaos.stage import MARK, Stage
+from chaos.robot import REST_S, Rig
+from chaos.stage import MARK, Stage, staged
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import AgentKey
 
@@ -27,11 +31,14 @@ def row(**outcome: Any) -> Row:
 def test_the_table_is_written_between_its_markers(tmp_path: Path):
     rows = [row(), row(lost=2), row(failures=["a", "a", "b"]), Row(FAULT)]
     page = tmp_path / "F.md"
-    page.write_text("# Faults\n\n<!-- make chaos -->\nold\n<!-- end -->\n\n## More\n")
+    kept = "| recorder: SIGKILL **failed**: a | – | 0.8 |"
+    old = f"| Fault |\n{kept}\n| a fault of former times | – | 0.8 |\n"
+    page.write_text(f"# Faults\n\n<!-- make chaos -->\n{old}<!-- end -->\n\n## More\n")
     write_table(page, rows)
     text = page.read_text()
     assert text.startswith("# Faults\n") and text.endswith("<!-- end -->\n\n## More\n")
-    assert [line for line in text.splitlines() if line.startswith("| x")] == [
+    assert text.splitlines()[5:-3] == [
+        kept,
         "| x / y | 1.0 | 2.0 |",
         "| x / y **failed**: 2 trajectories lost | 1.0 | 2.0 |",
         "| x / y **failed**: a; b | 1.0 | 2.0 |",
@@ -40,7 +47,7 @@ def test_the_table_is_written_between_its_markers(tmp_path: Path):
 
 def test_faults_have_unique_names_and_are_chosen_by_parts_of_them():
     names = [fault.name for fault in all_faults()]
-    assert len(set(names)) == len(names) == 86
+    assert len(set(names)) == len(names) == 105
     assert {f.name for f in chosen(["recorder: SIG"])} == {
         "recorder: SIGKILL", "recorder: SIGTERM", "recorder: SIGSTOP 5 s",
         "launched recorder: SIGKILL",
@@ -66,6 +73,46 @@ memory.unlink()"""
         assert shared_memory("here") == {SHARED_MEMORY / name}
         process.stdin.write("\n")
     assert process.pid not in orphans("here")
+
+
+@pytest.mark.graph
+def test_a_real_arm_stops_when_robot_node_is_stopped_or_its_relay_killed(tmp_path: Path):
+    with staged(tmp_path, 0, "robot", Rig) as rig:
+        for fault in chosen(["real arm, robot_node: SIGSTOP", "its relay: SIGKILL"]):
+            cycle = run_cycle(rig, replace(fault, hold_s=REST_S + 0.2))
+            assert not cycle.failures and cycle.recovered_after is not None
+            assert "at rest after 0.0" not in cycle.note, "it moved"
+
+
+@pytest.mark.parametrize(
+    ("harm", "says"),
+    [
+        ({"outside_m": 0.021}, "outside its box by 21.0 mm"),
+        ({"commanded": 1.02}, "1.020 of the speed limit commanded"),
+        ({"real": np.inf}, "at inf of the speed limit"),
+    ],
+)
+def test_an_arm_outside_its_box_or_too_fast_is_a_failure(harm, says):
+    rig: Any = SimpleNamespace(
+        arm=SimpleNamespace(record=Record(0.019, 1.0, 1.009)), worst=Record()
+    )
+    assert Rig.harm(rig)[1] == []
+    rig.arm.record.add(Record(**harm))
+    assert Rig.harm(rig)[1] == [says]
+
+
+@pytest.mark.parametrize(
+    ("speeds", "rest"),
+    [
+        ([1.0] * 20 + [0.0] * 30, (0.2, True)),
+        ([1.0] * 20 + [0.0] * 5 + [1.0] * 30, (None, False)),  # it turned back
+        ([1.0] * 20 + [0.0] * 15 + [1.0] * 15, (0.2, False)),
+    ],
+)
+def test_an_arm_is_at_rest_when_it_is_slow_for_a_while(speeds, rest):
+    samples = [(10 + TICK_S * (i + 1), speed) for i, speed in enumerate(speeds)]
+    seconds, stayed = PushedArm.rest(cast(PushedArm, SimpleNamespace(_speeds=samples)), 10.0)
+    assert (seconds and round(seconds, 3), stayed) == rest
 
 
 AGENT = AgentKey("a", 1)
