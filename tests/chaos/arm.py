@@ -94,7 +94,8 @@ class PushedArm:
         self._arm, self._control, self._box = SIMULATED.SimulatedArm(), control, box
         self._target = self._arm.data.qpos[:6].copy()  # of a trajectory, rad
         self._left_s = 0.0  # until it is reached
-        self._speeds: deque[tuple[float, float]] = deque(maxlen=2000)  # time, greatest speed
+        # Each tick: time (s), greatest speed, hand [3], joints' positions, velocities, commands.
+        self.trace: deque[Float64] = deque(maxlen=2000)
         self._random, self._face_until = random.Random(seed), 0.0
         self._commands: deque[tuple[float, Any]] = deque()
         self._count, self._number, self._asked_s = 0, 0, 0.0
@@ -129,7 +130,7 @@ class PushedArm:
 
     def rest(self, since_s: float) -> tuple[float | None, bool]:
         """After how many seconds the arm came to rest, and whether it stayed there."""
-        slow, samples = 0, [sample for sample in list(self._speeds) if sample[0] > since_s]
+        slow, samples = 0, [row[:2] for row in list(self.trace) if row[0] > since_s]
         for i, (at, speed) in enumerate(samples):
             slow = slow + 1 if speed < AT_REST else 0
             if slow == REST_TICKS:
@@ -147,25 +148,34 @@ class PushedArm:
             for message, info in take_messages(self._setpoints):
                 age_s = (time.time_ns() - info["received_timestamp"]) / 1e9
                 self._commands.append((time.monotonic() - age_s, message))
-            while self._at_s + TICK_S <= now:
-                self._tick()
+            while (step_s := self._next_step(now)) > 0.0:
+                self._advance(step_s)
             self._send()
 
     # The arm
 
-    def _tick(self) -> None:
-        self._at_s += TICK_S
+    def _next_step(self, now_s: float) -> float:
+        """How far to advance, after the commands of this time; s. The physics knows only ticks, but
+        a trajectory's point changes the motion when it arrives."""
         while self._commands and self._commands[0][0] <= self._at_s:
             self._take(self._commands.popleft()[1])
+        if self._control != "joint_trajectory":
+            return TICK_S if self._at_s + TICK_S <= now_s else 0.0
+        until_s = min([now_s, *(at for at, _ in self._commands)])
+        return min(TICK_S, until_s - self._at_s)
+
+    def _advance(self, step_s: float) -> None:
+        self._at_s += step_s
         if self._control == "joint_trajectory":
-            self._approach()
+            self._approach(step_s)
         else:
-            self._arm.advance(TICK_S)
+            self._arm.advance(step_s)
         share = np.abs(self._arm.data.qvel[:6]) / LIMITS
         hand, (lower, upper) = self._arm.body("hand").position, self._box
         outside = max((lower - hand).max(), (hand - upper).max())
         self.record.add(Record(float(outside), real=float(share.max())))
-        self._speeds.append((self._at_s, self.speed))
+        state = self._arm.data.qpos[:6], self._arm.data.qvel[:6], self._arm.velocity
+        self.trace.append(np.concatenate([[self._at_s, self.speed], hand, *state]))
         self.moves += self.speed > AT_REST
 
     def _take(self, message: Any) -> None:
@@ -185,12 +195,12 @@ class PushedArm:
         self.record.add(Record(commanded=share if np.isfinite(share) else np.inf))
         self._arm.velocity[:] = np.nan_to_num(velocity)
 
-    def _approach(self) -> None:
+    def _approach(self, step_s: float) -> None:
         """Move the joints by position control: to the point in its time, and no further."""
-        data, moved_s = self._arm.data, min(TICK_S, self._left_s)
+        data, moved_s = self._arm.data, min(step_s, self._left_s)
         self._left_s -= moved_s
-        data.qvel[:6] = self._arm.velocity * moved_s / TICK_S
-        data.qpos[:6] += data.qvel[:6] * TICK_S
+        data.qvel[:6] = self._arm.velocity if self._left_s > 0.0 else 0.0
+        data.qpos[:6] += self._arm.velocity * moved_s
         mujoco.mj_forward(self._arm.model, data)
 
     # Its sensors, and the agent

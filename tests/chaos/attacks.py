@@ -11,6 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from chaos.arm import Record
 from chaos.cycles import Cycle, run_cycle
 from chaos.robot import Rig, robot_faults
@@ -37,6 +39,8 @@ def attack(
                 with staged(folder, number, "robot", make) as rig:
                     for cycle in _attacks(rig, chance, ends_at):
                         done.append(cycle)
+                        if cycle.failures:
+                            np.save(folder / f"trace-{len(done)}", list(rig.arm.trace))
                         log(
                             f"{control}, {cycle.fault}: " + "; ".join([cycle.note, *cycle.failures])
                         )

@@ -111,7 +111,7 @@ def test_an_arm_outside_its_box_or_too_fast_is_a_failure(harm, says):
 )
 def test_an_arm_is_at_rest_when_it_is_slow_for_a_while(speeds, rest):
     samples = [(10 + TICK_S * (i + 1), speed) for i, speed in enumerate(speeds)]
-    seconds, stayed = PushedArm.rest(cast(PushedArm, SimpleNamespace(_speeds=samples)), 10.0)
+    seconds, stayed = PushedArm.rest(cast(PushedArm, SimpleNamespace(trace=samples)), 10.0)
     assert (seconds and round(seconds, 3), stayed) == rest
 
 
