@@ -251,7 +251,7 @@ class PushedArm:
             self._face_until = now_s + FACE_S
             self._choose()
         if self._any is not None:
-            return self._any
+            return np.asarray(self._any)
         jacobian = np.zeros((3, self._arm.model.nv))
         body = self._arm.model.body("hand").id
         mujoco.mj_jacBody(self._arm.model, self._arm.data, jacobian, None, body)
@@ -264,7 +264,7 @@ class PushedArm:
         self._face = np.eye(3)[axis] * (1 if up else -1)
         self._reach = float(self._face @ self._box[int(up)])
         spare = np.array([self._random.uniform(-1, 1) for _ in range(6)])
-        self._any = spare if self._random.random() < 0.5 else None
+        self._any = spare / np.abs(spare).max() if self._random.random() < 0.5 else None
 
 
 def _detection(body: Any) -> Detection3D:
