@@ -158,6 +158,27 @@ def test_far_from_the_box_a_command_is_not_changed_and_along_a_face_the_hand_sli
 # The arm
 
 
+def test_the_hand_comes_to_rest_in_the_box_wherever_the_arm_falls_silent():
+    box = {"lower": [-0.6, -0.6, 0.05], "upper": [0.6, 0.6, 0.6]}
+    arm = Rehearsal(max_acceleration=2.0, workspace=box).arm
+    limits = np.clip([arm.about.joint_lower, arm.about.joint_upper], -np.pi, 2 * np.pi)
+    rng, near = np.random.default_rng(0), 0
+
+    def outside(position):
+        hand = arm.model.hand(position).place
+        return max(*(hand - box["upper"]), *(box["lower"] - hand))
+
+    while near < 40:
+        arm.believed.position = position = rng.uniform(*limits)
+        if outside(position) > 0:
+            continue
+        velocity = arm.allowed(rng.choice([-1.5, 1.5], 6))
+        to_rest_s = 0.4 + np.abs(velocity).max() / 2.0 / 2
+        ways = [outside(position + velocity * s) for s in np.linspace(0, to_rest_s, 30)]
+        assert max(ways) < 0.02
+        near += max(ways) > -0.01 and np.abs(velocity).max() > 0.1
+
+
 def test_the_hand_stays_in_the_box_whatever_is_commanded():
     low, high = np.array([-0.45, -0.45, 0.2]), np.array([0.45, 0.45, 0.45])
     box = {"lower": low.tolist(), "upper": high.tolist()}

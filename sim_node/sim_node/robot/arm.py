@@ -173,7 +173,9 @@ class RealArm:
         position = self._as_learned(self.believed.position)
         hand = self.model.hand(position)
         place = hand.place + self._apart
-        return self._guard.allowed(velocity, position, place, hand.jacobian[:3])
+        kept = self._guard.allowed(velocity, position, place, hand.jacobian[:3])
+        there = lambda joints: self.model.hand(joints).place + self._apart  # noqa: E731
+        return self._guard.stopping(kept, position, there)
 
     def hand_velocity(self, velocity: Float64) -> Float64:
         """The hand's velocity [3] (m/s, base's frame) at the newest observation."""

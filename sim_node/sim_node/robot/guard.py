@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,9 @@ from sim_node.robot.settings import Workspace
 
 ROUNDS = 10  # of correcting the faces that are approached too fast
 SLOW_S = 0.6  # two command timeouts: one without commands takes the hand half of the way to the box
+BRAKE_S = 0.4  # until the arm begins to brake, whatever happens (docs/robot.md)
+PLACES = 8  # of the hand that are looked at on its way to rest
+STRAY = 0.005  # m that they may be outside the box
 TINY = 1e-9  # m/s, rad/s
 DAMPING = 1e-4  # m²
 
@@ -28,6 +32,28 @@ class Guard:
     joint_upper: Float64
     speeds: Float64  # [J] rad/s, of the joints
     acceleration: float = 0.0  # rad/s² of the ramp on which the arm brakes; 0: at once
+
+    def stopping(
+        self, velocity: Float64, position: Float64, place: Callable[[Float64], Float64]
+    ) -> Float64:
+        """The joint velocities [J] (rad/s), less if the hand would come to rest outside the box.
+
+        The hand's way is curved, so its speed towards a face says little about where it ends. All
+        joints slow down together, so the arm comes to rest on a line in the space of its joints.
+
+        :param place: the hand's position [3] (m) for positions of the joints [J].
+        """
+        ramp_s = float(np.abs(velocity).max()) / (2 * self.acceleration) if self.acceleration else 0
+        way = velocity * (BRAKE_S + ramp_s)
+        most = max(0.0, self._outside(place(position))) + STRAY
+        for share in np.linspace(0, 1, PLACES + 1)[1:]:
+            if self._outside(place(position + share * way)) > most:
+                return np.asarray(velocity * (share - 1 / PLACES))
+        return velocity
+
+    def _outside(self, hand: Float64) -> float:
+        """How far a position [3] is outside the box; negative within; m."""
+        return float(np.max([hand - self.workspace.upper, self.workspace.lower - hand]))
 
     @property
     def slow_s(self) -> float:
