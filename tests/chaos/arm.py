@@ -35,7 +35,7 @@ STALL_S: Final = 0.2  # a pause of this process that is worth a note
 FACE_S: Final = 4.0  # greatest time for which one face is pushed at
 NEAR_M: Final = 0.03  # from a face, another one is chosen
 AT_REST: Final = 0.02  # rad/s
-REST_TICKS: Final = 10  # at rest for so long; an arm that turns back is slow for less
+REST_S: Final = 0.1  # at rest for so long; an arm that turns back is slow for less
 DETECTED, CLASS = "blue_cylinder", "cylinder"  # the object that `detections` measure
 LIMITS: Final = np.array(CONFIG.joint_speed_limits)
 
@@ -92,8 +92,7 @@ class PushedArm:
         self.record, self.moves = Record(), 0
         self._spoil: Spoil = unspoilt
         self._arm, self._control, self._box = SIMULATED.SimulatedArm(), control, box
-        self._target = self._arm.data.qpos[:6].copy()  # of a trajectory, rad
-        self._left_s = 0.0  # until it is reached
+        self._left_s = 0.0  # until the point of a trajectory is reached
         # Each tick: time (s), greatest speed, hand [3], joints' positions, velocities, commands.
         self.trace: deque[Float64] = deque(maxlen=2000)
         self._random, self._face_until = random.Random(seed), 0.0
@@ -130,12 +129,11 @@ class PushedArm:
 
     def rest(self, since_s: float) -> tuple[float | None, bool]:
         """After how many seconds the arm came to rest, and whether it stayed there."""
-        slow, samples = 0, [row[:2] for row in list(self.trace) if row[0] > since_s]
+        moved_s, samples = since_s, [row[:2] for row in list(self.trace) if row[0] > since_s]
         for i, (at, speed) in enumerate(samples):
-            slow = slow + 1 if speed < AT_REST else 0
-            if slow == REST_TICKS:
-                stays = all(speed < AT_REST for _, speed in samples[i:])
-                return max(0.0, at - slow * TICK_S - since_s), stays
+            moved_s = at if speed > AT_REST else moved_s
+            if at - moved_s > REST_S:
+                return moved_s - since_s, all(speed < AT_REST for _, speed in samples[i:])
         return None, False
 
     def _run(self) -> None:
@@ -183,11 +181,8 @@ class PushedArm:
         if self._control == "joint_trajectory":
             (point,), here = message.points, self._arm.data.qpos[:6]
             period = point.time_from_start
-            self._target, self._left_s = (
-                np.array(point.positions),
-                period.sec + period.nanosec / 1e9,
-            )
-            velocity = (self._target - here) / self._left_s
+            self._left_s = period.sec + period.nanosec / 1e9
+            velocity = (np.array(point.positions) - here) / self._left_s
         else:
             values = message.data if self._control == "velocity" else message.velocities
             velocity = np.array(values)

@@ -5,7 +5,6 @@
 #include <pthread.h>
 #include <stdlib.h>
 #include <sys/mman.h>
-#include <sys/time.h>
 #include <time.h>
 
 static const long none = 0;
@@ -22,13 +21,6 @@ int clock_gettime(clockid_t clock, struct timespec *now) {
   if (!real) real = dlsym(RTLD_NEXT, "clock_gettime");
   int failed = real(clock, now);
   if (clock == CLOCK_REALTIME || clock == CLOCK_REALTIME_COARSE) now->tv_sec += *by;
-  return failed;
-}
-
-int gettimeofday(struct timeval *restrict now, void *restrict zone) {
-  struct timespec exact;
-  int failed = clock_gettime(CLOCK_REALTIME, &exact);
-  now->tv_sec = exact.tv_sec, now->tv_usec = exact.tv_nsec / 1000;
   return failed;
 }
 

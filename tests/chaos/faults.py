@@ -149,12 +149,8 @@ def disk_faults() -> list[Fault]:
 
 def extension_faults() -> list[Fault]:
     """A reward that fails for a while."""
-
-    def flag(stage: Stage) -> Path:
-        return stage.folder / "raise"
-
-    return [Fault("sim_node: an extension's reward raises", lambda stage: flag(stage).touch(),
-                  lambda stage: flag(stage).unlink(), kind="extended")]  # fmt: skip
+    return [Fault("sim_node: an extension's reward raises", lambda stage: stage.raises.touch(),
+                  lambda stage: stage.raises.unlink(), kind="extended")]  # fmt: skip
 
 
 def signalled(name: str, number: signal.Signals, title: str = "", **rest: Any) -> Fault:

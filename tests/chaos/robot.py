@@ -38,7 +38,9 @@ ACCELERATION: Final = 2.0  # rad/s²
 LOWER, UPPER = np.array([-0.6, -0.6, 0.05]), np.array([0.6, 0.6, 0.6])  # m, of the hand's box
 OUTSIDE_M: Final = 0.02  # docs/robot.md: the hand stays so near to its box
 OVERSHOOT: Final = 1.01  # of the simulated motors, share of the speed limit
-REST_S: Final = 0.4 + float(LIMITS.max()) / ACCELERATION + 0.1  # it also says so; 0.1: the motors
+AT_REST_S: Final = (
+    0.4 + float(LIMITS.max()) / ACCELERATION + 0.1
+)  # it also says so; 0.1: the motors
 FAST: Final = 0.5  # rad/s, of the arm that is struck
 HOUR: Final = 3600
 
@@ -103,11 +105,11 @@ class Rig(Stage):
     def unrest(self, since_s: float, stays: bool) -> str:
         rest_s, stayed = self.arm.rest(since_s)
         if rest_s is None:
-            late = time.monotonic() - since_s > REST_S
-            return f"not at rest {REST_S:.2f} s after the fault" if late else ""
+            late = time.monotonic() - since_s > AT_REST_S
+            return f"not at rest {AT_REST_S:.2f} s after the fault" if late else ""
         self.arm.record.rest_s = rest_s
-        if rest_s > REST_S:
-            return f"at rest only after {rest_s:.2f} s, allowed {REST_S:.2f}"
+        if rest_s > AT_REST_S:
+            return f"at rest only after {rest_s:.2f} s, allowed {AT_REST_S:.2f}"
         return "" if stayed or not stays else "the arm did not stay at rest"
 
     def harm(self) -> tuple[str, list[str]]:

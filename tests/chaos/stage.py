@@ -11,6 +11,7 @@ from typing import Any, Final, TypeVar
 
 from rclpy.node import Node
 
+from chaos import moody
 from chaos.observer import Observer
 from chaos.relay import Relay, remaps
 from pa_ros.core.errors import PaError
@@ -38,22 +39,6 @@ SMALL: Final = {  # learns with small networks, quick to start and to resume
     "learner.schedule.trajectory_steps": 20,
     "network.hidden": 16,
 }
-REWARD: Final = """
-import sys
-from dataclasses import dataclass
-from pathlib import Path
-from pa_ros.world import REWARDS
-from pa_ros.world.reward import Sparse
-
-@dataclass(frozen=True)
-class Moody(Sparse):
-    def __call__(self, satisfied, measure):
-        if "sim_node" in sys.argv[0] and Path(__file__).with_name("raise").exists():
-            raise ZeroDivisionError("as the file says")
-        return super().__call__(satisfied, measure)
-
-REWARDS.register("moody", Moody)
-"""
 
 
 class StageError(PaError):
@@ -82,11 +67,9 @@ def parameters_of(kind: str, folder: Path) -> Parameters:
         return {name: {**values, "auth_key_file": str(path.resolve())}
                 for name, values in learning.items()}  # fmt: skip
     if kind == "extended":
-        path = (folder / "reward.py").resolve()
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(REWARD)
-        learning["sim_node"] |= {"extensions": [str(path)], "reward": "moody"}
-        learning["learner_node"] |= {"extensions": [str(path)]}
+        for name in ("sim_node", "learner_node"):
+            learning[name] |= {"extensions": [moody.__file__]}
+        learning["sim_node"] |= {"reward": "moody"}
     if kind == "fleet":  # a second arena feeds the same learner
         agent = learning["agent_node"]
         return {
@@ -115,9 +98,9 @@ class Stage:
         self._pids: dict[str, int] = {}
         self._starts = 0
         patience = Patience(interrupt_s=10.0, terminate_s=3.0)
-        self._supervisor = Supervisor(
-            folder / "log", {**(environment or {}), MARK: self.mark}, patience
-        )
+        self.raises = folder.resolve() / "raises"  # whether the reward of an "extended" one does
+        own = {MARK: self.mark, moody.RAISES: str(self.raises), **(environment or {})}
+        self._supervisor = Supervisor(folder / "log", own, patience)
 
     @property
     def nodes(self) -> tuple[str, ...]:

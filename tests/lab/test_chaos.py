@@ -16,7 +16,7 @@ from chaos.campaign import Row, all_faults, chosen, write_table
 from chaos.cycles import SHARED_MEMORY, Cycle, orphans, run_cycle, shared_memory
 from chaos.faults import Fault
 from chaos.observer import Ledger
-from chaos.robot import REST_S, Rig
+from chaos.robot import AT_REST_S, Rig
 from chaos.stage import MARK, Stage, staged
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import AgentKey
@@ -79,7 +79,7 @@ memory.unlink()"""
 def test_a_real_arm_stops_when_robot_node_is_stopped_or_its_relay_killed(tmp_path: Path):
     with staged(tmp_path, 0, "robot", Rig) as rig:
         for fault in chosen(["real arm, robot_node: SIGSTOP", "its relay: SIGKILL"]):
-            cycle = run_cycle(rig, replace(fault, hold_s=REST_S + 0.2))
+            cycle = run_cycle(rig, replace(fault, hold_s=AT_REST_S + 0.2))
             assert not cycle.failures and cycle.recovered_after is not None
             assert "at rest after 0.0" not in cycle.note, "it moved"
 
