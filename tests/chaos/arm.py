@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 import time
 from collections import deque
 from collections.abc import Callable
@@ -20,7 +19,8 @@ from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesisWithPose
 
-from helpers.robots import CONFIG, SIMULATED
+from chaos.pusher import LIMITS, Pusher
+from helpers.robots import SIMULATED
 from pa_ros.core.experience import Float64
 from pa_ros.ros import topics
 from pa_ros.ros.executor import node_beside, take_messages
@@ -32,12 +32,9 @@ from pa_ros.wire.views import encode_transforms
 PERIOD_S: Final = 0.02  # of the driver
 TICK_S: Final = 0.01  # of the physics, and between two samples
 STALL_S: Final = 0.2  # a pause of this process that is worth a note
-FACE_S: Final = 4.0  # greatest time for which one face is pushed at
-NEAR_M: Final = 0.03  # from a face, another one is chosen
 AT_REST: Final = 0.02  # rad/s
 REST_S: Final = 0.1  # at rest for so long; an arm that turns back is slow for less
 DETECTED, CLASS = "blue_cylinder", "cylinder"  # the object that `detections` measure
-LIMITS: Final = np.array(CONFIG.joint_speed_limits)
 
 
 @dataclass
@@ -95,10 +92,9 @@ class PushedArm:
         self._left_s = 0.0  # until the point of a trajectory is reached
         # Each tick: time (s), greatest speed, hand [3], joints' positions, velocities, commands.
         self.trace: deque[Float64] = deque(maxlen=2000)
-        self._random, self._face_until = random.Random(seed), 0.0
+        self._pusher = Pusher(self._arm, box, seed)
         self._commands: deque[tuple[float, Any]] = deque()
         self._count, self._number, self._asked_s = 0, 0, 0.0
-        self._choose()
         self._node = beside = node_beside(node, "arm")
         self._joints, self._tf, self._detections, self._answers, self._programs = (
             topic.publisher(beside)
@@ -232,34 +228,9 @@ class PushedArm:
             self._asked_s = now
             self._programs.publish(encode_program(ProgramRequest("p", "NEAR(HAND, BLUE)")))
         self._count += 1
-        action, stamp = self._push(now).astype(np.float32), header_stamp(message)
+        action, stamp = self._pusher.action(now).astype(np.float32), header_stamp(message)
         command = Command(0, message.step, stamp, "pusher", 0, action, 1, self._count)
         self._answers.publish(encode_command(command))
-
-    def _push(self, now_s: float) -> Float64:
-        """The action [6] that moves the hand as fast as possible to a face of the box, or at times
-        any action."""
-        hand = self._arm.body("hand").position
-        stuck = now_s > self._face_until - FACE_S + 1.0 and self.speed < 0.1
-        near = self._reach - self._face @ hand < NEAR_M
-        if now_s > self._face_until or stuck or near:
-            self._face_until = now_s + FACE_S
-            self._choose()
-        if self._any is not None:
-            return np.asarray(self._any)
-        jacobian = np.zeros((3, self._arm.model.nv))
-        body = self._arm.model.body("hand").id
-        mujoco.mj_jacBody(self._arm.model, self._arm.data, jacobian, None, body)
-        share = np.linalg.pinv(jacobian[:, :6], rcond=0.05) @ self._face / LIMITS
-        return np.asarray(share / np.abs(share).max())
-
-    def _choose(self) -> None:
-        """A face of the box, by its normal [3], or an action."""
-        axis, up = self._random.randrange(3), self._random.random() < 0.5
-        self._face = np.eye(3)[axis] * (1 if up else -1)
-        self._reach = float(self._face @ self._box[int(up)])
-        spare = np.array([self._random.uniform(-1, 1) for _ in range(6)])
-        self._any = spare / np.abs(spare).max() if self._random.random() < 0.5 else None
 
 
 def _detection(body: Any) -> Detection3D:

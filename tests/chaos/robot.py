@@ -20,7 +20,6 @@ from rclpy.node import Node
 from chaos.arm import (
     CLASS,
     DETECTED,
-    LIMITS,
     PushedArm,
     Record,
     Sent,
@@ -29,13 +28,14 @@ from chaos.arm import (
     unspoilt,
 )
 from chaos.faults import Fault, signal_to, signalled
+from chaos.pusher import LIMITS
 from chaos.stage import Stage, StageError
 from helpers.robots import robot_values
 from pa_ros.ros.environment import ros_arguments
 
 NODE, RELAY = "robot_node", "relay"
 ACCELERATION: Final = 2.0  # rad/s²
-LOWER, UPPER = np.array([-0.6, -0.6, 0.05]), np.array([0.6, 0.6, 0.6])  # m, of the hand's box
+LOWER, UPPER = np.array([-0.6, -0.6, 0.15]), np.array([0.6, 0.6, 0.6])  # m; above the blocks
 OUTSIDE_M: Final = 0.02  # docs/robot.md: the hand stays so near to its box
 OVERSHOOT: Final = 1.01  # of the simulated motors, share of the speed limit
 AT_REST_S: Final = (
