@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from array import array
+from contextlib import suppress
 from math import nan
 from pathlib import Path
 from signal import SIGKILL, SIGSTOP, SIGTERM
@@ -38,9 +39,8 @@ ACCELERATION: Final = 2.0  # rad/s²
 LOWER, UPPER = np.array([-0.6, -0.6, 0.15]), np.array([0.6, 0.6, 0.6])  # m; above the blocks
 OUTSIDE_M: Final = 0.02  # docs/robot.md: the hand stays so near to its box
 OVERSHOOT: Final = 1.01  # of the simulated motors, share of the speed limit
-AT_REST_S: Final = (
-    0.4 + float(LIMITS.max()) / ACCELERATION + 0.1
-)  # it also says so; 0.1: the motors
+RAMP_S: Final = float(LIMITS.max()) / ACCELERATION
+AT_REST_S: Final = 0.4 + RAMP_S + 0.1  # it says so, too; the last part is the motors'
 FAST: Final = 0.5  # rad/s, of the arm that is struck
 HOUR: Final = 3600
 
@@ -96,10 +96,11 @@ class Rig(Stage):
     def pid(self, name: str) -> int:
         if name != RELAY:
             return super().pid(name)
-        for entry in Path("/proc").glob("[0-9]*/cmdline"):
-            words = entry.read_bytes().split(b"\0") if entry.exists() else []
-            if b"sim_node.robot.relay" in words and _parent(entry.parent) == self.pid(NODE):
-                return int(entry.parent.name)
+        for process in Path("/proc").glob("[0-9]*"):
+            with suppress(OSError):  # it ended meanwhile
+                words = (process / "cmdline").read_bytes().split(b"\0")
+                if b"sim_node.robot.relay" in words and _parent(process) == self.pid(NODE):
+                    return int(process.name)
         raise StageError(f"{NODE}: expected a relay as its child process, found none")
 
     def unrest(self, since_s: float, stays: bool) -> str:
@@ -158,10 +159,10 @@ def robot_faults() -> list[Fault]:
         sends("joint_states lost", lambda s: s.lost.add("joint_states"), halts=True),
         sends("the hand's frame lost", lambda s: s.tf.transforms.pop(0), halts=True),
         sends("joint_states of zeros", lambda s: _each(s.joints.position, 0.0), halts=True),
-        sends("NaN of a joint", lambda s: _each(s.joints.position, nan), halts=True),
-        sends("NaN of another joint", _another_joint, **no_harm),
+        sends("NaN in joint_states", lambda s: _each(s.joints.position, nan), halts=True),
+        sends("NaN of another joint in joint_states", _another_joint, **no_harm),
         sends("NaN in detections", lambda s: setattr(_detected(s), "x", nan)),
-        sends("NaN of the hand's frame",
+        sends("NaN in the hand's frame",
               lambda s: setattr(s.tf.transforms[0].transform.translation, "x", nan), halts=True),
         sends("30,000 transforms in a message", _large(crowd(30_000))),
         sends("200 frames at 100 Hz", lambda s: s.more.extend(crowded), **no_harm),
