@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from threading import Thread
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -16,6 +17,9 @@ from helpers.processes import node_command
 from helpers.robots import SIMULATED, Table, robot_values
 from helpers.waiting import wait_for
 from pa_ros.core.errors import PaError
+from pa_ros.ros import topics
+from pa_ros.ros.executor import spin_until
+from pa_ros.tools.client import client_node
 from sim_node.robot import relay
 from sim_node.robot.relay import RESTS, SILENCE_S, TICK_S, Relay, pass_on
 
@@ -57,7 +61,7 @@ def test_velocities_are_passed_on_and_a_silence_brings_the_arm_to_rest():
     assert velocities[:, 1] == pytest.approx(-velocities[:, 0] / 2), "its direction stays"
     assert link.published[1][0] - heard > SILENCE_S - 0.05
     link.send(0.5, 0.0)
-    assert link.published[-1][1].tolist() == [0.5, 0.0], "it goes on"
+    wait_for(lambda: link.published[-1][1].tolist() == [0.5, 0.0])  # it goes on
     link.ends()
 
 
@@ -75,6 +79,21 @@ def test_a_relay_that_does_not_start_is_one_clear_error(monkeypatch, capfd):
     with pytest.raises(PaError, match="died or does not answer: see its output") as error:
         Relay("velocity_commands", "velocity", ["a"], 0.1, 2.0, 0)
     assert error.value.code == "robot.relay"
+
+
+@pytest.mark.graph
+def test_the_first_velocity_that_a_relay_takes_reaches_the_controller():
+    received: list[float] = []
+    with client_node("controller") as node:
+        topics.VELOCITY_COMMANDS.subscribe(
+            node, lambda message: received.extend(cast(Any, message).data)
+        )
+        topic = node.resolve_topic_name(topics.VELOCITY_COMMANDS.name)
+        taken = Relay(topic, "velocity", ["a"], 0.1, 0.0, node.context.get_domain_id())
+        assert taken.send(np.array([1.0]))
+        spin_until(node, lambda: bool(received), 5.0)
+        taken.close()
+    assert received[0] == 1.0
 
 
 @pytest.mark.graph

@@ -59,6 +59,8 @@ def test_an_arm_is_believed_where_its_commands_have_moved_it_since_the_last_meas
     arm.sent(np.array([1.0, 0.0]), 12.0)
     arm.measured(np.array([0.75, -3.05]), 0.1, 12.1)
     assert arm.position == pytest.approx([0.85, -3.05]), "moved on since the measurement"
+    arm.measured(np.array([0.9, -3.05]), 0.2, 12.35)
+    assert arm.position == pytest.approx([1.0, -3.05]), "until the command ended"
 
 
 def test_a_wrong_measurement_moves_a_commanded_arm_no_faster_than_its_joints_turn():

@@ -55,7 +55,9 @@ class DeadReckoning:
         self.move(now_s)
         commanded = now_s - self._sent_s <= self._lasts_s
         reach = self._speeds * (now_s - self._measured_s if commanded else inf)
-        ahead = position + self.velocity * min(age_s, self._lasts_s)
+        # The arm moved on since then, until what was sent last ended.
+        moved_s = min(now_s, self._sent_s + self._lasts_s) - (now_s - age_s)
+        ahead = position + self.velocity * max(moved_s, 0.0)
         # A driver may count whole turns of a joint anew.
         self.position = self.position + 2 * np.pi * np.round((ahead - self.position) / (2 * np.pi))
         self.position = np.clip(ahead, self.position - reach, self.position + reach)

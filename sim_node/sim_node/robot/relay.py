@@ -28,6 +28,7 @@ SILENCE_S = 0.25  # without a setpoint for so long, the arm comes to rest
 TICK_S = 0.02  # between two setpoints on the way to rest
 RESTS = 8  # setpoints that say "stop" once the arm is at rest, in case one is lost
 START_S, CLOSE_S = 20.0, 1.0  # greatest times until a new process answers, and an old one ends
+FOUND_S = 3.0  # in which DDS finds the controller, if there is one
 LARGEST_FRAME = 4096  # bytes
 FAILED = "the process that passes commands on to the arm died or does not answer"
 
@@ -153,6 +154,10 @@ def main() -> int:
     node = create_node("robot_relay", enable_rosout=False, start_parameter_services=False)
     setpoints = topics.SETPOINTS[form]
     out = node.create_publisher(setpoints.type, topic, setpoints.writer)
+    # What is sent before DDS has found the controller is lost, and robot_node must not rely on it.
+    until_s = time.monotonic() + FOUND_S
+    while not out.get_subscription_count() and time.monotonic() < until_s:
+        time.sleep(TICK_S)
     nowhere = np.zeros(len(joints))  # these forms have no positions
 
     def publish(velocity: Float64) -> None:
