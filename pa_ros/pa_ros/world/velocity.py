@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from math import inf
 
@@ -10,6 +11,7 @@ import numpy as np
 from pa_ros.core.experience import Float32, Float64
 
 TINY = 1e-9  # rad/s
+RECENT = 20  # velocities sent, in about a second
 
 
 class VelocityRamp:
@@ -49,15 +51,14 @@ class DeadReckoning:
         self._speeds, self._lasts_s = np.array(speed_limits), lasts_s
         self.position = self.velocity = np.zeros(len(self._speeds))
         self._at_s, self._measured_s, self._sent_s = inf, -inf, -inf
+        self._sent: deque[tuple[float, Float64]] = deque(maxlen=RECENT)  # when, and velocities
 
     def measured(self, position: Float64, age_s: float, now_s: float) -> None:
         """Take a measurement [J] that passed all checks, made `age_s` ago."""
         self.move(now_s)
         commanded = now_s - self._sent_s <= self._lasts_s
         reach = self._speeds * (now_s - self._measured_s if commanded else inf)
-        # The arm moved on since then, until what was sent last ended.
-        moved_s = min(now_s, self._sent_s + self._lasts_s) - (now_s - age_s)
-        ahead = position + self.velocity * max(moved_s, 0.0)
+        ahead = position + self._moved(now_s - age_s, now_s)
         # A driver may count whole turns of a joint anew.
         self.position = self.position + 2 * np.pi * np.round((ahead - self.position) / (2 * np.pi))
         self.position = np.clip(ahead, self.position - reach, self.position + reach)
@@ -67,9 +68,18 @@ class DeadReckoning:
         """Note the velocities [J] (rad/s) that the arm has from now on."""
         self.move(now_s)
         self.velocity, self._sent_s = velocity.copy(), now_s
+        self._sent.append((now_s, self.velocity))
 
     def move(self, now_s: float) -> None:
         """Move on by what was sent last."""
-        until_s = min(now_s, self._sent_s + self._lasts_s)
-        self.position = self.position + self.velocity * max(until_s - self._at_s, 0.0)
+        self.position = self.position + self._moved(self._at_s, now_s)
         self._at_s = now_s
+
+    def _moved(self, since_s: float, now_s: float) -> Float64:
+        """How far the arm moved in a time, by what was sent before and in it; rad [J]."""
+        moved, until_s = np.zeros(len(self._speeds)), now_s
+        for sent_s, velocity in reversed(self._sent):
+            lasted_s = min(until_s, sent_s + self._lasts_s) - max(sent_s, since_s)
+            moved += velocity * max(lasted_s, 0.0)
+            until_s = min(until_s, sent_s)
+        return moved
