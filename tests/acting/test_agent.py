@@ -180,12 +180,12 @@ def test_each_trajectory_acts_with_the_version_the_protocol_names() -> None:
     assert agent.version == 0
     arm.run(10)  # trajectory 1 acts with version 0 too
     assert agent.waiting and agent.prepare() is not None
-    expected = r"expected prepare\(\)"
-    with pytest.raises(ActingError, match=f"{expected} to return None before it, got Wait"):
+    expected = r"^action: expected prepare\(\) to return None before it, got"
+    with pytest.raises(ActingError, match=f"{expected} weights that account"):
         agent.act()
     agent.offer(published(1, mine=1))
     agent.offer(published(2, mine=2))  # newer, and not what trajectory 2 must act with
-    with pytest.raises(ActingError, match=expected):
+    with pytest.raises(ActingError, match=f"{expected} no call of it at this step$"):
         agent.act()
     assert agent.prepare() is None and agent.version == 1
     assert agent.prepare() is None and agent.version == 1  # asking again changes nothing
