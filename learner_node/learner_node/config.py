@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from pa_ros.learning.recipes import LearningSettings
+from pa_ros.core.settings import OneOf
+from pa_ros.learning.recipes import RECIPES, LearningSettings
 from pa_ros.ros.environment import check_namespace
 from pa_ros.ros.settings import NodeSettings
 
@@ -14,6 +15,11 @@ from pa_ros.ros.settings import NodeSettings
 class LearnerNodeConfig(NodeSettings, LearningSettings):
     """One learner on the graph; what it learns about comes with arena_info."""
 
+    recipe: Annotated[str, OneOf(lambda: RECIPES, or_empty=True)] = Field(
+        "",
+        description="named set of defaults for `learner` and `network`; empty: the one that the "
+        "arena's programs need",
+    )
     seed: int = Field(0, ge=0, description="of initial weights and of sampling")
     arenas: tuple[str, ...] = Field(
         (), description="namespaces of the arenas to learn about; empty: the learner's own"

@@ -17,7 +17,7 @@ from pa_ros.learning.checkpoint_files import newest_whole
 from pa_ros.learning.errors import CheckpointError, LearningError
 from pa_ros.learning.folder import checkpoint_of, refuse_used
 from pa_ros.learning.progress import Scalars
-from pa_ros.learning.recipes import OURS, usual_recipe
+from pa_ros.learning.recipes import recipe_for
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import ERROR, LEARNER_ID, PROGRESS_S, WARN
@@ -130,6 +130,7 @@ class LearnerNode(ManagedNode):
             self.worker.close(save=False)
             self.worker = None
         try:
+            self.config = self._own_parameters.fix_again(recipe=recipe_for(arena.world.vocabulary))
             sinks = Sinks(self._publish, self._refuse, self.get_logger().info)
             self.worker, self._failure = LearnerWorker(self.config, arena, sinks), None
         except PaError as error:
@@ -145,12 +146,6 @@ class LearnerNode(ManagedNode):
             on_trajectory(message)
 
     def _announce(self, worker: LearnerWorker, arena: ArenaDescription) -> None:
-        usual, given = usual_recipe(arena.world), self.config.recipe
-        if given == OURS != usual:
-            self.get_logger().warning(
-                f"recipe: expected {usual!r} (-p recipe:={usual}), with which agents learn the "
-                f"design {arena.design}, got {given!r}, with which they seldom do"
-            )
         origin = worker.origin(self.get_fully_qualified_name())
         self._provenance_out.publish(encode_provenance(origin))
         self._info_out.publish(encode_learner_info(worker.run.info))

@@ -92,11 +92,11 @@ def train(
     from pa_ros.agents import train_agent
     from pa_ros.arena import ArenaChoice
     from pa_ros.learning.config import TrainConfig
-    from pa_ros.learning.recipes import LearningSettings
+    from pa_ros.learning.recipes import LearningSettings, recipe_for
 
     chosen = ArenaChoice(design=design, arm=arm, preset=preset)
     blocks = chosen.design_of()
-    recipe = {"recipe": blocks.recipe}
+    recipe = {"recipe": recipe_for(blocks.vocabulary)}
     learning = LearningSettings(**(recipe | settings))
     config = TrainConfig(
         out=Path(out), seed=seed, frames=frames, evaluate_every_frames=evaluate_every

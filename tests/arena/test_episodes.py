@@ -146,14 +146,6 @@ def test_novel_conditions_need_spare_words() -> None:
     assert not [name for name in conditions_for(design_named("2-L")) if name.startswith("reach")]
 
 
-def test_same_seed_same_episode_and_other_seeds_differ() -> None:
-    first = [draw(THREE_D, "eval", 7, index) for index in range(20)]
-    again = [draw(THREE_D, "eval", 7, index) for index in reversed(range(20))][::-1]
-    assert first == again
-    assert len({episode.blocks for episode in first}) == 20
-    assert draw(THREE_D, "eval", 8, 0).blocks != first[0].blocks
-
-
 def test_custom_vocabulary_and_number_of_blocks() -> None:
     shapes, colors = ("CAPSULE", "CYLINDER", "CUBE"), ("YELLOW", "MAGENTA")
     design = Design(

@@ -115,15 +115,6 @@ def test_a_program_can_change_during_an_episode_without_effect_on_physics() -> N
     assert observation.program_id not in ("mine", a.program_id)
 
 
-def test_a_program_that_names_nothing_is_rejected() -> None:
-    task = new_task()
-    observation, verdict = task.reset(0)
-    with rejected("program.names_nothing"):
-        task.set_program(parse("NEAR(HAND, AND(RED, BLUE))", WORDS))
-    assert task.program_id == observation.program_id
-    assert task.step(STILL)[1].distance == pytest.approx(verdict.distance, abs=1e-3)
-
-
 @pytest.mark.parametrize("command", [np.zeros(5), np.array([0, 0, np.nan, 0, 0, 0])])
 def test_wrong_commands_are_rejected_and_move_nothing(command: Float64) -> None:
     task = new_task()

@@ -14,7 +14,6 @@ from pa_ros.arena import (
     scripted_action,
     world_of,
 )
-from pa_ros.cli.main import main
 from pa_ros.core import extensions
 from pa_ros.learning.checkpoints import load_policy
 
@@ -47,16 +46,3 @@ def test_it_is_learned_with_in_process(arm: str, joints: int, tmp_path: Path) ->
     assert np.abs(tensors["detectors.weight"]).max() > 0
     actions = learner.replay.arrays["action"][: learner.replay.rows]
     assert actions.shape[1] == joints and (actions.std(axis=0) > 0).all()
-
-
-def test_the_command_line_trains_with_it_and_stores_its_name(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = str(tmp_path / "run")
-    given = ["--extension", CRANE, "train", "--arm", "crane", "--frames", "200", "--out", out]
-    assert main([*given, "--eval-every", "0"]) == 0
-    # The checkpoint contains the arm.
-    assert main(["eval", "--checkpoint", out, "--episodes", "2"]) == 0
-    other = ["train", "--arm", "panda", "--frames", "300", "--out", out, "--resume"]
-    assert main(other) == 2
-    assert "arm: expected 'panda', got 'crane'" in capsys.readouterr().err

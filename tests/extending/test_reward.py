@@ -9,6 +9,9 @@ import pytest
 
 from helpers.learners import load_example, trained
 from pa_ros.core.errors import ConfigError
+from pa_ros.learning.checkpoints import restore
+from pa_ros.learning.errors import CheckpointError
+from pa_ros.learning.folder import checkpoint_of
 from pa_ros.learning.learner import Learner
 from pa_ros.world import Sparse, reward_from
 from pa_ros.world.reward import REWARDS
@@ -21,7 +24,7 @@ def rewards_drawn(learner: Learner) -> np.ndarray:
     return np.concatenate([batch.reward.ravel() for batch in learner.batches(50)])
 
 
-def test_relabeled_rewards_follow_it(tmp_path: Path) -> None:
+def test_relabeled_rewards_follow_it_and_no_other_run_is_resumed_under_it(tmp_path: Path) -> None:
     load_example("reward")
     usual, shaped = trained(tmp_path / "a"), trained(tmp_path / "b", reward_from(SHAPED))
     assert set(rewards_drawn(usual)) <= {-1.0, 1.0}
@@ -31,6 +34,8 @@ def test_relabeled_rewards_follow_it(tmp_path: Path) -> None:
     assert away.min() > -1.0 and away.max() < -1.0 + 0.8 * np.exp(-0.2 / 0.3) + 1e-6
     ours, theirs = (one.snapshot().tensors["output.weight"] for one in (usual, shaped))
     assert not np.array_equal(ours, theirs)
+    with pytest.raises(CheckpointError, match="scoring.*Shaped"):
+        restore(checkpoint_of(tmp_path / "b"), usual)
 
 
 def test_it_is_chosen_by_name_or_json() -> None:

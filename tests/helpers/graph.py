@@ -53,6 +53,8 @@ SMALL_LEARNER = {f"learner_node__{name}": value for name, value in SMALL.items()
 # Parameters of an arena in real time, and of an agent that is trained for it.
 SCENE = {"sim_node__design": "3-D", "sim_node__seed": 2, "sim_node__mode": "real_time"}
 TRAINED = {"agent_node__weights": "checkpoint", "agent_node__checkpoint": "shipped:3-D"}
+# A slow agent may answer a step twice, which the arena then repeated: the second answer is refused.
+REPEATED = {"command.stale"}
 
 
 class Probe(Node):

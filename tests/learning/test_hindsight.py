@@ -11,7 +11,6 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import HAND_INDEX
 from pa_ros.language import parse
 from pa_ros.learning.config import HindsightConfig
-from pa_ros.learning.errors import LearningError
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.replay_buffer.buffer import ReplayBuffer
 from pa_ros.learning.rules.hindsight import Hindsight, Moved
@@ -145,13 +144,6 @@ def test_hindsight_draws_the_same_where_only_the_verifier_knows_the_words_of_blo
     for name in ("index", "program", "reward"):
         np.testing.assert_array_equal(getattr(told, name), getattr(seen, name))
     np.testing.assert_array_equal(told.next_objects[..., :7], seen.next_objects[..., :7])
-
-
-def test_without_the_verifiers_measures_nothing_is_learned_of_what_is_seen() -> None:
-    trajectory = as_seen(pushed(np.random.default_rng(0), 0, moves=True))
-    made = Hindsight(ONE_EACH, SEEN, Scoring(), HindsightConfig())
-    with pytest.raises(LearningError, match="expected the verifier's measures of the 6 training"):
-        made.describe(replace(trajectory, measures=None))
 
 
 def test_without_hindsight_scenes_stay_and_all_rows_are_drawn(replay: ReplayBuffer) -> None:

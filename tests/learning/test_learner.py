@@ -84,20 +84,6 @@ def test_no_updates_until_warm() -> None:
     assert updates == [0, 0, 5, 10]
 
 
-def test_a_duplicate_does_nothing() -> None:
-    rng = np.random.default_rng(0)
-    one, two = learner(), learner()
-    trajectories = [random_trajectory(rng, 3, sequence=i) for i in range(3)]
-    for trajectory in trajectories:
-        one.consume(trajectory)
-        two.consume(trajectory)
-        assert not two.consume(trajectory)
-    assert two.replay.ledger.duplicates == 3
-    assert two.counters == one.counters
-    for name, value in one.engine.tensors().items():
-        np.testing.assert_array_equal(value, two.engine.tensors()[name])
-
-
 def test_a_refused_trajectory_changes_nothing() -> None:
     rng = np.random.default_rng(0)
     one = learner()

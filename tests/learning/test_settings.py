@@ -6,11 +6,11 @@ from typing import Any
 import pytest
 
 from helpers.learners import DESIGN, WORLD
-from pa_ros.arena import design_named, preset_named, training_programs, world_of
+from pa_ros.arena import design_named, training_programs
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.config import RelabelingConfig
 from pa_ros.learning.learner import Learner
-from pa_ros.learning.recipes import LearningSettings, usual_recipe
+from pa_ros.learning.recipes import LearningSettings, recipe_for
 
 
 def test_several_programs_need_relabeling() -> None:
@@ -45,11 +45,13 @@ def test_the_critic_starts_at_the_value_of_never_being_rewarded(recipe, discount
     assert learner.engine.tensors()["critic.output.bias"] == [value]
 
 
-@pytest.mark.parametrize("name", ["2-L", "3-D", "3-D-avoid", "push-2", "push-3D"])
-def test_the_usual_recipe_of_a_world_is_that_of_its_design(name) -> None:
-    design = design_named(name)
-    world = world_of(preset_named(design.skill.preset), design)
-    assert usual_recipe(world) == design.recipe
+@pytest.mark.parametrize(
+    ("name", "relations", "recipe"),
+    [("2-L", ["NEAR"], "ours"), ("2-L", ["NEAR", "LEFT"], "deep"),
+     ("3-D-avoid", ["NEAR"], "deep"), ("push-3D", ["NEAR"], "push")],
+)  # fmt: skip
+def test_programs_decide_the_recipe(name: str, relations: list[str], recipe: str) -> None:
+    assert recipe_for(design_named(name).vocabulary.asking(*relations)) == recipe
 
 
 def test_the_recipe_may_be_given_by_its_older_name() -> None:

@@ -10,13 +10,11 @@ import torch
 from helpers.worlds import PROGRAMS, WORLD, PointWorld, random_batch
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.update import Batch
-from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.algorithms.td3.builder import make_engine
 from pa_ros.learning.algorithms.td3.config import CRITICS, TD3Config
 from pa_ros.learning.algorithms.td3.learner import SMOOTHING_STREAM, TorchTD3
 from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.config import LearnerConfig, TrainConfig
-from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.loop import train
@@ -133,9 +131,3 @@ def test_a_resumed_run_ends_where_an_unbroken_one_does(tmp_path: Path) -> None:
     for name, tensor in whole.engine.tensors().items():
         np.testing.assert_array_equal(tensor, theirs[name], err_msg=name)
     assert read_metadata(checkpoint_of(tmp_path / "whole"))["algorithm"] == "td3"
-
-
-def test_a_checkpoint_of_another_algorithm_is_refused_with_both_named(tmp_path: Path) -> None:
-    run(tmp_path, 60)
-    with pytest.raises(CheckpointError, match="algorithm: checkpoint 'td3', here 'dpg'"):
-        run(tmp_path, 120, ALGORITHMS["dpg"].config(), resume=True)

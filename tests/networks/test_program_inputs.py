@@ -4,15 +4,14 @@ messages, its target sends them)."""
 import numpy as np
 import pytest
 import torch
-from torch import Tensor
 
 from helpers import formulas
 from pa_ros.arena import PRESETS, design_named, world_of
 from pa_ros.language import Vocabulary, parse
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import family_of
-from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor, initial_critic
-from pa_ros.networks.programmable import ProgrammableActor, ProgrammableCritic, Programs
+from pa_ros.networks.parameters import actor_shapes, critic_shapes, initial_actor
+from pa_ros.networks.programmable import ProgrammableActor, Programs
 from pa_ros.world.programs import ProgramTable
 from pa_ros.world.relation import RELATIONS
 from pa_ros.world.schema import PUSHING
@@ -37,9 +36,7 @@ def moving(vocabulary: Vocabulary, family: str = "programmable") -> NetworkConfi
     return config.changed(self_weight=0.03, upper_layers=1)
 
 
-def programs(
-    config: NetworkConfig, rows: list[list[int]], texts: tuple[str, ...] = RELATED
-) -> Programs:
+def programs(config: NetworkConfig, rows: list[list[int]], texts: tuple[str, ...]) -> Programs:
     """Rows [B, K] of a table of some texts."""
     table = ProgramTable(config.vocabulary)
     for text in texts:
@@ -47,55 +44,6 @@ def programs(
     codes = [torch.from_numpy(code).long() for code in family_of(config).codes(table)]
     made: Programs = family_of(config).programs(*(code[torch.tensor(rows)] for code in codes))
     return made
-
-
-def scenes(config: NetworkConfig, count: int) -> tuple[Tensor, Tensor]:
-    generator = torch.Generator().manual_seed(0)
-    objects = torch.randn(count, 4, config.world.object_features, generator=generator)
-    return objects, torch.randn(count, config.world.arm_features, generator=generator)
-
-
-def actor_of(config: NetworkConfig) -> ProgrammableActor:
-    actor = ProgrammableActor(config)
-    tensors = initial_actor(config, np.random.default_rng(1))
-    tensors["output.weight"] *= 100.0
-    actor.load_state_dict({name: torch.from_numpy(value) for name, value in tensors.items()})
-    return actor
-
-
-def test_a_batch_that_mixes_relations_is_each_program_alone() -> None:
-    config = network(*THREE)
-    actor, (objects, arm) = actor_of(config), scenes(config, 3)
-    rows = [[0, 1], [2, 3], [1, 1]]
-    together = actor(objects, arm, programs(config, rows))
-    for b, k in np.ndindex(3, 2):
-        alone = actor(objects[b : b + 1], arm[b : b + 1], programs(config, [[rows[b][k]]]))
-        torch.testing.assert_close(together[b, k], alone[0, 0])
-
-
-def test_a_relation_is_another_bias_of_r() -> None:
-    """ω of receiver and sender, and a one-hot of the relation, under one linear layer."""
-    config, one = network(*THREE), network("ABOVE")
-    mixed, plain, (objects, arm) = actor_of(config), ProgrammableActor(one), scenes(config, 5)
-    weights = mixed.state_dict()
-    share = weights.pop("relation.weight")[:, THREE.index("ABOVE")]
-    weights["message.0.bias"] = weights["message.0.bias"] + share
-    plain.load_state_dict(weights)
-    asked = mixed(objects, arm, programs(config, [[0]] * 5))
-    expected = plain(objects, arm, programs(one, [[0]] * 5, RELATED[:1]))
-    torch.testing.assert_close(asked, expected)
-
-
-def test_only_relations_that_are_asked_for_learn() -> None:
-    config = network(*THREE)
-    critic, (objects, arm) = ProgrammableCritic(config), scenes(config, 2)
-    tensors = initial_critic(config, np.random.default_rng(1))
-    critic.load_state_dict({name: torch.from_numpy(value) for name, value in tensors.items()})
-    q = critic(objects, arm, programs(config, [[0, 1], [3, 0]]), torch.zeros(2, 6))
-    q.square().sum().backward()
-    gradient = critic.relation.weight.grad
-    assert gradient is not None
-    assert (gradient[:, :2].abs().sum(0) > 0).all() and (gradient[:, 2] == 0).all()
 
 
 def test_one_relation_alone_is_no_input() -> None:
@@ -118,8 +66,11 @@ def test_initial_weights_of_what_they_share_are_drawn_first(relations: tuple[str
 
 
 @pytest.mark.parametrize("family", ["programmable", "true-properties"])
-def test_a_batch_of_programs_that_move_is_what_the_formulas_say(family: str) -> None:
-    config = moving(WORDS.moving("PLACE"), family)
+@pytest.mark.parametrize(
+    ("words", "texts"), [(WORDS.moving("PLACE"), MOVES), (WORDS.asking(*THREE), RELATED)]
+)
+def test_a_batch_of_different_programs_is_what_the_formulas_say(words, texts, family) -> None:
+    config = moving(words, family)
     rng = np.random.default_rng(0)
     tensors = {k: v * 3 for k, v in initial_actor(config, rng).items()}
     actor = ProgrammableActor(config).double()
@@ -129,8 +80,8 @@ def test_a_batch_of_programs_that_move_is_what_the_formulas_say(family: str) -> 
     objects = torch.tensor(np.stack([np.zeros_like(looks[0]), *looks])[None].repeat(3, 0)).double()
     objects[..., :7] = torch.randn(3, 5, 7)
     arm, rows = torch.randn(3, config.world.arm_features).double(), [[0, 1], [2, 3], [1, 1]]
-    got = actor(objects, arm, programs(config, rows, MOVES), 0)
-    parsed = [parse(text, config.vocabulary) for text in MOVES]
+    got = actor(objects, arm, programs(config, rows, texts), 0)
+    parsed = [parse(text, config.vocabulary) for text in texts]
     seen = formulas.Scenes(objects, arm, parsed, torch.tensor(rows))
     torch.testing.assert_close(got, formulas.actor(config, formulas.parameters(tensors), seen))
 

@@ -49,12 +49,6 @@ def commanded(probe: Probe) -> bool:
     return any(probe.last(topics.JOINT_COMMANDS).action)
 
 
-def test_a_goal_is_reached(client: GoalSender) -> None:
-    status, result = client.result(client.send(REACHABLE, time_limit_s=500.0))
-    assert (status, result.success, result.code) == (SUCCEEDED, True, "")
-    assert 0 < result.time_to_reach_s < 500 and result.final_distance < 0.2
-
-
 def test_the_programs_of_a_goal_over_time_are_reached_one_after_the_other(probe, client) -> None:
     text = f"THEN(NEAR(HAND, AND(GREEN, CUBE)), {REACHABLE}, NEAR(HAND, AND(GREEN, CUBE)))"
     status, result = client.result(client.send(text, time_limit_s=1000.0))
@@ -68,18 +62,9 @@ def test_the_programs_of_a_goal_over_time_are_reached_one_after_the_other(probe,
     assert probe.until(handle.cancel_goal_async().done)
 
 
-def test_what_is_to_be_avoided_is_refused_by_weights_that_cannot(client: GoalSender) -> None:
-    status, result = client.result(client.send(f"AVOID(GREEN, {REACHABLE})"))
-    assert (status, result.code) == (ABORTED, "program.avoids")
-
-
-def test_feedback_shows_relevance_and_cancelling_holds_the_arm(probe: Probe, client: GoalSender):
+def test_cancelling_holds_the_arm(probe: Probe, client: GoalSender) -> None:
     handle = client.send("NEAR(HAND, AND(GREEN, CUBE))", hold_s=1e9)
     assert probe.until(lambda: any(f.relevance for f in client.feedback))
-    seen = next(f for f in client.feedback if f.relevance)
-    meant = dict(zip(seen.objects, seen.relevance, strict=True))
-    assert meant["hand"] == pytest.approx(1.0)
-    assert meant["GREEN CUBE"] > 0.8 and min(meant.values()) < 0.2
     cancelled = handle.cancel_goal_async()
     assert probe.until(cancelled.done)
     status, result = client.result(handle)

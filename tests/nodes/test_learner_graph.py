@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from agent_node.node import AgentNode
 from helpers.graph import SMALL, SMALL_LEARNER, begin_run, graph
 from helpers.learners import ARENA, trajectory
+from helpers.pushing import PROGRAMS, PUSH
 from learner_node.config import LearnerNodeConfig
 from learner_node.node import LearnerNode
 from pa_ros.learning.folder import claim
@@ -61,6 +63,23 @@ def test_a_learner_takes_the_next_arena_after_one_that_it_cannot_learn_about() -
         assert f"reward/step {reward:+.3f}" in learner.progress()
         assert "updates 0 (the first after 5,000 frames)" in learner.progress()
         assert probe.value("learner_node", "reward_per_step") == f"{reward:.6g}"
+
+
+@pytest.mark.parametrize("named", [{}, {"learner_node__recipe": "''"}])
+def test_the_recipe_is_the_arenas_unless_one_is_named(named: dict[str, str]) -> None:
+    pushing = replace(ARENA, world=PUSH, training_programs=(PROGRAMS[0],))
+    given = {"learner_node__learner.replay.batch_size": 64}  # as in `ours`, but `push` has another
+    with graph(LearnerNode, **given, **named) as probe:
+        (learner,), speaker = probe.nodes, probe.speaker(topics.ARENA_INFO)
+        follows = lambda recipe: learner.config.recipe == recipe  # noqa: E731
+        for arena, recipe, discount in ((pushing, "push", 0.97), (ARENA, "ours", 0.95)):
+            speaker.publish(encode_arena_info(replace(arena, arena_id=recipe)))
+            assert probe.until(partial(follows, recipe))
+            shown = {name: learner.get_parameter(name).value for name in learner.config.flat()}
+            assert (shown["recipe"], shown["learner.updates.discount"]) == (recipe, discount)
+            assert shown["learner.replay.batch_size"] == 64
+            origin = learner.worker.origin("learner_node")
+            assert origin.parameters["recipe"] == recipe
 
 
 def test_a_learner_ends_with_one_line_if_another_run_uses_its_folder(tmp_path: Path) -> None:

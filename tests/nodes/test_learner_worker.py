@@ -16,7 +16,6 @@ from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, PublishedPolicy
 from pa_ros.language import Vocabulary, parse
 from pa_ros.learning.checkpoints import read_metadata
-from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of
 from pa_ros.world import Trajectory
 
@@ -70,24 +69,6 @@ def test_a_duplicate_trajectory_is_counted_and_changes_nothing(bench):
     assert bench.worker.metrics["updates"] == 10
     for name, tensor in first.snapshot.tensors.items():
         assert np.array_equal(again.snapshot.tensors[name], tensor)
-
-
-def test_a_gap_is_reported_until_it_is_filled(bench):
-    bench.submit(trajectory(0), trajectory(3))
-    assert bench.worker.metrics["missing_trajectories"] == 2
-    bench.submit(trajectory(1))
-    assert bench.worker.metrics["missing_trajectories"] == 1
-    assert bench.published[-1].accounted == {A: 2}  # what is missing can still be sent again
-    assert bench.published[-1].latest == (*A, 1)
-    assert bench.submit(trajectory(2)).accounted == {A: 4}
-    assert bench.worker.metrics["missing_trajectories"] == 0
-
-
-def test_a_gap_that_cannot_be_filled_is_counted_as_lost(bench):
-    answer = bench.submit(trajectory(0), replace(trajectory(9), held_from=8))
-    assert answer.accounted == {A: 8}
-    assert bench.worker.metrics["lost_trajectories"] == 7
-    assert bench.worker.metrics["missing_trajectories"] == 1
 
 
 @pytest.mark.parametrize("held_from", [0, 10**6])
@@ -171,16 +152,6 @@ def test_a_learner_resumes_where_it_stopped(tmp_path: Path):
     assert last.snapshot.version == 5
     for name, tensor in unbroken.published[-1].snapshot.tensors.items():
         assert np.array_equal(last.snapshot.tensors[name], tensor), name
-
-
-def test_a_folder_in_use_by_another_run_is_rejected(tmp_path: Path):
-    bench = Bench(out=str(tmp_path))
-    with pytest.raises(CheckpointError, match="another run writes into"):
-        Bench(out=str(tmp_path))
-    bench.worker.close()
-    with pytest.raises(CheckpointError, match="expected a folder without a run"):
-        Bench(out=str(tmp_path))
-    Bench(out=str(tmp_path), resume=True).worker.close()
 
 
 def test_a_checkpoint_that_cannot_be_written_is_reported_until_one_is(tmp_path: Path, monkeypatch):

@@ -21,7 +21,7 @@ from simulation_interfaces.msg import (
 )
 
 from agent_node.node import AgentNode
-from helpers.graph import ACTIVATE, DEACTIVATE, SCENE, TRAINED, Probe, User, graph
+from helpers.graph import ACTIVATE, DEACTIVATE, REPEATED, SCENE, TRAINED, Probe, User, graph
 from pa_ros.arena.rearranging import bodies
 from pa_ros.ros import topics
 from pa_ros.ros.actions import SIMULATE_STEPS
@@ -149,7 +149,7 @@ def test_the_agent_acts_in_each_step_of_the_action_and_the_arm_holds_in_those_of
         arena, steps = probe.nodes[0], Steps(probe)
         program = topics.PROGRAM.type(program_id="mine", text="NEAR(HAND, AND(RED, CUBE))")
         probe.speaker(topics.PROGRAM).publish(program)
-        assert probe.until(lambda: arena.session.program is not None)
+        assert probe.until(lambda: arena.has_agent)  # else the arm holds in the first steps
         assert steps.result(steps.start(60)) == (GoalStatus.STATUS_SUCCEEDED, OK)
         assert arena.session.steps == 60 and arena.session.current.verdict.satisfied
         executed = [one.commanded_by for one in probe.heard[topics.OBJECT_FEATURES.name]]
@@ -157,7 +157,7 @@ def test_the_agent_acts_in_each_step_of_the_action_and_the_arm_holds_in_those_of
         assert probe.until(lambda: probe.nodes[1].seen[0].observation.step == 60)
         assert code(probe, topics.STEP_SIMULATION, steps=3) == OK
         assert arena.session.steps == 63 and arena.session.current.executed is None
-        assert not arena.refusals.total
+        assert arena.refusals.counts.keys() <= REPEATED
         # It waits for an agent that is there, but does not act.
         assert user.ask(DEACTIVATE)[0]
         waiting = steps.start(5)

@@ -157,6 +157,18 @@ def test_a_parameter_that_nobody_gave_follows_the_recipe(node_with):
     assert settings.learner.replay.batch_size == 8
 
 
+def test_the_recipes_older_name_is_accepted(node_with):
+    parameters = NodeParameters(node_with("protocol:=paper"), LearnerNodeConfig)
+    assert parameters.fix().recipe == "paper"
+    assert parameters.fix_again(recipe="push").recipe == "paper"
+
+
+@pytest.mark.parametrize("name", ["recipe", "protocol"])
+def test_an_unknown_recipe_is_refused(node_with, name):
+    with pytest.raises(ConfigError, match="recipe: expected one of .*, got 'papr'"):
+        NodeParameters(node_with(f"{name}:=papr"), LearnerNodeConfig).fix()
+
+
 def test_an_algorithms_own_settings_are_parameters(node_with):
     node = node_with("algorithm:=td3", "learner.targets.tau:=0.1")
     settings = NodeParameters(node, LearnerNodeConfig).fix()

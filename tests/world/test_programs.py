@@ -103,41 +103,6 @@ def test_the_two_sets_of_a_batch_equal_each_program_alone(members, seed, hand, l
         np.testing.assert_array_equal(named.target[rows[i]], expected_sets[1])
 
 
-@given(programs, seeds)
-@settings(max_examples=20)
-def test_crisp_equals_soft_on_zeros_and_ones(members: list[Program], seed: int) -> None:
-    table, _ = table_of(members)
-    phi = random_phi(seed, objects=5).round()
-    p = relevant_objects(phi.expand(len(table), -1, -1), 0, program_tensors(table))
-    named = torch.from_numpy(crisp(table.compiled(), phi.numpy(), 0))
-    assert torch.equal(p[:, 1:], named[:, 1:].float())
-    assert bool((p[:, 0] == 1).all()) and not named[:, 0].any()
-
-
-def test_gradients_agree_with_finite_differences() -> None:
-    table, _ = table_of(
-        [
-            parse(f"NEAR(HAND, {target})", VOCABULARY)
-            for target in ("RED", "AND(RED, CUBE)", "OR(AND(NOT(RED), CUBE, CUBE), NOT(NOT(A)))")
-        ]
-    )
-    code = Compiled(*(x.expand(2, *x.shape) for x in program_tensors(table)))
-    phi = random_phi(3, 2, objects=3).double().requires_grad_()
-    assert torch.autograd.gradcheck(lambda x: relevant_objects(x, 0, code), (phi,))
-
-
-def test_exactly_the_words_of_a_program_get_gradients() -> None:
-    """The paper chose these operations because each has derivatives to all arguments."""
-    table, _ = table_of([parse("NEAR(HAND, OR(AND(NOT(RED), CUBE), A))", VOCABULARY)])
-    phi = random_phi(5, 1, objects=4).requires_grad_()
-    total = relevant_objects(phi, 0, program_tensors(table)).sum()
-    (gradient,) = torch.autograd.grad(total, phi)
-    named = [word in ("RED", "CUBE", "A") for word in VOCABULARY.words]
-    blocks = gradient[0, :, 1:]
-    assert [bool((row != 0).all()) for row in blocks] == named
-    assert [bool((row != 0).any()) for row in blocks] == named
-
-
 def test_a_table_keeps_equal_programs_once_and_pads_with_copies() -> None:
     table = ProgramTable(VOCABULARY)
     assert table.compiled().op.shape[0] == 0

@@ -26,7 +26,7 @@ from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.errors import CheckpointError
 from pa_ros.learning.folder import checkpoint_of, holds_checkpoint
 from pa_ros.learning.interfaces import Evaluate
-from pa_ros.learning.recipes import DPG, LearningSettings
+from pa_ros.learning.recipes import DPG, LearningSettings, recipe_for
 from pa_ros.perception import TOLD, VIEWS, task_seen
 from pa_ros.world.relation import SIDES
 
@@ -63,7 +63,7 @@ class Experiment:
         parts, design = [self.name], self.task
         if self.algorithm != DPG:
             parts.append(self.algorithm)
-        if self.recipe not in ("", design.recipe):
+        if self.recipe not in ("", recipe_for(design.vocabulary)):
             parts.append(f"{self.recipe}-recipe")
         if self.preset not in ("", design.preset):
             parts.append(f"{self.preset}-arm")
@@ -91,7 +91,7 @@ class Experiment:
     def settings(self) -> LearningSettings:
         """The recipe with this experiment's networks and options."""
         return LearningSettings(
-            recipe=self.recipe or self.task.recipe,
+            recipe=self.recipe or recipe_for(self.task.vocabulary),
             algorithm=self.algorithm,
             **{"network.family": self.network, **self.options},
         )

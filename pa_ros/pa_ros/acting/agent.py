@@ -226,8 +226,10 @@ class Agent:
         """The joint command at the current step, [J] in [-1, 1]. ActingError unless prepared."""
         step, actor = self._step, self._actor
         if step is None or actor is None or not self._ready:
+            awaited = self.required()
+            reason = awaited.reason if isinstance(awaited, Wait) else "no call of it at this step"
             raise ActingError(
-                f"action: expected prepare() to return None before it, got {self.required()}",
+                f"action: expected prepare() to return None before it, got {reason}",
                 code="learning.step",
             )
         program, position = self.pursued(*step), step[0].observation.joint_position

@@ -16,7 +16,7 @@ import numpy as np
 
 from pa_ros.acting.errors import ActingError
 from pa_ros.acting.exploration import ExplorationNoise
-from pa_ros.acting.policy import Policy
+from pa_ros.acting.policy import Degrees, Policy
 from pa_ros.core.experience import Float32, Observation
 from pa_ros.language import MIN_MAX, And, Logic, Not, Program
 from pa_ros.networks.config import NetworkConfig
@@ -38,8 +38,6 @@ EQUAL_M, NEARNESS_M = 0.30, 0.02
 
 Objects = Sequence[int]
 """Indices of objects of a scene."""
-Degrees = Sequence[Sequence[float]]
-"""Of p and the sets of a program, [4][N]."""
 
 
 class _Forms(NamedTuple):
@@ -48,11 +46,14 @@ class _Forms(NamedTuple):
     program: Program
     plain: Program  # without comparisons
     heedless: Program  # without what it avoids, too
+    compares: bool
+    moves_hand: bool
 
     @classmethod
     def of(cls, program: Program) -> _Forms:
         plain = program.sets_alone
-        return cls(program, plain, plain.relation_alone)
+        heedless = plain.relation_alone
+        return cls(program, plain, heedless, program.compares, program.moves_hand)
 
 
 class Actor(Policy):
@@ -83,12 +84,12 @@ class Actor(Policy):
         forms = self._forms_of(program)
         if not self.evaluates_programs:
             return self.infer(observation, forms.plain)
-        degrees = self._degrees(observation, forms.plain)
+        degrees = self.degrees(observation, forms.plain)
         if program.avoided is not None:
             return self._avoid(observation, forms, degrees)
-        chosen, others = self._choose(observation, program, degrees)
+        chosen, others = self._choose(observation, forms, degrees)
         action = self.infer(observation, forms.plain, others)
-        if program.moves_hand:
+        if forms.moves_hand:
             return action
         return action * self._speed(observation, program, chosen)
 
@@ -98,7 +99,7 @@ class Actor(Policy):
             raise ActingError("policy: expected exploration noise, got a greedy actor")
         plain, others = self._forms_of(program).plain, set[int]()
         if program.compares:
-            meant = _sets(self._degrees(observation, plain), MEANT)
+            meant = _sets(self.degrees(observation, plain), MEANT)
             chosen = self._compared(observation, program, meant)
             others = _left_out(observation, meant, chosen)
         return self._noise.explore(self.infer(observation, plain, others), observation.episode)
@@ -110,7 +111,7 @@ class Actor(Policy):
         """
         if self._version is None or not self.evaluates_programs:
             return ()
-        degrees = self._degrees(observation, self._forms_of(program).heedless)
+        degrees = self.degrees(observation, self._forms_of(program).heedless)
         p = degrees[RELEVANT]
         if program.compares:
             meant = _sets(degrees, MEANT)
@@ -127,7 +128,7 @@ class Actor(Policy):
         self._need_degrees()
 
         def score(program: Program) -> Score:
-            degrees = self._degrees(observation, program.sets_alone.relation_alone)
+            degrees = self.degrees(observation, program.sets_alone.relation_alone)
             sets = self._compared(observation, program, _sets(degrees, MEANT))
             return scoring.of_program(program, sets, observation.objects, observation.hand_pose)
 
@@ -145,13 +146,13 @@ class Actor(Policy):
         if targets & to_avoid and not targets <= to_avoid and not program.compares:
             # Go for the targets that need not be avoided.
             forms = _Forms.of(replace(program, target=And((program.target, Not(avoided)))))
-            degrees = self._degrees(observation, forms.plain)
+            degrees = self.degrees(observation, forms.plain)
             targets = {*_sets(degrees, MEANT)[1]}
         to_avoid -= targets
         places = observation.objects[:, :3].tolist()  # in the frame of the hand
         distance = {i: hypot(*places[i]) for i in sorted(to_avoid)}
         near = [i for i, metres in distance.items() if metres < AVOIDED_WITHIN_M]
-        _, others = self._choose(observation, forms.program, degrees, to_avoid)
+        _, others = self._choose(observation, forms, degrees, to_avoid)
         heedless = self.infer(observation, forms.heedless, others | to_avoid)
         if not near:
             return heedless
@@ -163,16 +164,20 @@ class Actor(Policy):
     def _choose(
         self,
         observation: Observation,
-        program: Program,
+        forms: _Forms,
         degrees: Degrees,
         hidden: Collection[int] = (),
     ) -> tuple[Sequence[Objects], set[int]]:
         """The object of each set that the agent goes for, and what networks are not to see: the
         others that the program means. Neither contains a `hidden` object."""
-        meant = _sets(degrees, MEANT if program.compares else SURELY, hidden)
-        if len(meant[0]) == len(meant[1]) == 1:  # nothing to choose, as in most scenes
+        least = MEANT if forms.compares else SURELY
+        targets = _meant(degrees[TARGET], least, hidden)
+        hand = [observation.hand_index]
+        moved = hand if forms.moves_hand else _meant(degrees[MOVED], least, hidden)
+        meant = moved, targets
+        if len(moved) == len(targets) == 1:  # nothing to choose, as in most scenes
             return meant, set()
-        chosen = self._compared(observation, program, meant)
+        chosen = self._compared(observation, forms.program, meant)
         chosen = _nearest_two(chosen, observation.objects)
         return chosen, _left_out(observation, meant, chosen)
 
@@ -199,11 +204,6 @@ class Actor(Policy):
         stopped, full = self._slowed
         return np.float32(min(max((part - stopped) / (full - stopped), 0.0), 1.0))
 
-    def _degrees(self, observation: Observation, program: Program) -> Degrees:
-        """`degrees` as numbers, which few objects make quicker than arrays."""
-        degrees: Degrees = self.degrees(observation, program).tolist()
-        return degrees
-
     def _forms_of(self, program: Program) -> _Forms:
         if self._forms is None or self._forms.program is not program:
             if program.compares:
@@ -222,15 +222,18 @@ class Actor(Policy):
 
 def _sets(degrees: Degrees, least: float, hidden: Collection[int] = ()) -> list[list[int]]:
     """The objects of a program's two sets, before any comparison."""
-    return [_meant(degrees[row], least, hidden) for row in (MOVED, TARGET)]
+    return [_meant(degrees[MOVED], least, hidden), _meant(degrees[TARGET], least, hidden)]
 
 
 def _meant(degrees: Sequence[float], least: float, hidden: Collection[int] = ()) -> list[int]:
     """The objects that have at least this share of the greatest degree."""
     if hidden:
         degrees = [0.0 if i in hidden else p for i, p in enumerate(degrees)]
-    enough = least * max(degrees)
-    return [i for i, p in enumerate(degrees) if p > 0.0 and p >= enough]
+    greatest = max(degrees)
+    if greatest == 0.0:
+        return []
+    enough = least * greatest
+    return [i for i, p in enumerate(degrees) if p >= enough]
 
 
 def _left_out(

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from functools import lru_cache
 from typing import Self
+
+import numpy as np
 
 from pa_ros.acting.errors import ActingError
 from pa_ros.core.errors import ConfigError
@@ -21,6 +23,8 @@ from pa_ros.networks.parameters import Tensors, actor_shapes, check_tensors
 
 log = logging.getLogger(__name__)
 
+Degrees = Sequence[Sequence[float]]
+"""Of p and the sets of a program, [4][N]."""
 MakeInference = Callable[[NetworkConfig, Tensors, Logic], Inference]
 
 
@@ -47,8 +51,8 @@ class Policy:
         self._inference: Inference | None = None
         self._tensors: Tensors = {}
         self._version: int | None = None
-        self._seen: Observation | None = None  # the newest, whose arm part is `_arm`
-        self._arm: Float32
+        self._seen: Observation | None = None  # the newest
+        self._inputs: tuple[Float32, Float32]  # of the networks, made of `_seen`
 
     @classmethod
     def of(cls, snapshot: PolicySnapshot, logic: Logic = MIN_MAX) -> Self:
@@ -102,37 +106,44 @@ class Policy:
         Raises ProgramError or NetworkError for a program that they cannot represent, ActingError
         before there are weights, or for objects or an arm of another size.
         """
-        objects, hand = observation.objects, observation.hand_index
+        objects, arm = self._inputs_of(observation)
+        hand = observation.hand_index
         if hidden:
             shown = [i for i in range(len(objects)) if i not in hidden]
             objects, hand = objects.take(shown, 0), shown.index(hand)
-        return self._ready().act(objects, self.arm(observation), program, hand)
+        return self._ready().act(objects, arm, program, hand)
 
-    def degrees(self, observation: Observation, program: Program) -> Float32:
-        """How far the program means each object: p, then its sets (`networks.inference`), [4, N].
+    def degrees(self, observation: Observation, program: Program) -> Degrees:
+        """How far the program means each object: p, then its sets (`networks.inference`).
 
         Only where networks evaluate programs. Raises what `infer` raises.
         """
-        objects, hand = observation.objects, observation.hand_index
-        return self._ready().degrees(objects, self.arm(observation), program, hand)
+        objects, arm = self._inputs_of(observation)
+        array = self._ready().degrees(objects, arm, program, observation.hand_index)
+        numbers: Degrees = array.tolist()  # of few objects: quicker than the array
+        return numbers
 
     def phi(self, observation: Observation) -> Float32:
-        """Φ, [V, N]: the degree to which each word describes each object. Raises as `arm`."""
-        arm = self.arm(observation)
-        return degrees(self.network, self._tensors, observation.objects, arm, self.logic)
+        """Φ, [V, N]: the degree to which each word describes each object.
 
-    def arm(self, observation: Observation) -> Float32:
-        """Arm part of Ω, [A]; ActingError for an observation of another size than the weights'."""
+        Raises ActingError for objects or an arm of another size than the weights'.
+        """
+        objects, arm = self._inputs_of(observation)
+        return degrees(self.network, self._tensors, objects, arm, self.logic)
+
+    def _inputs_of(self, observation: Observation) -> tuple[Float32, Float32]:
+        """Objects [N, F] and the arm's part of Ω [A], as `Inference` takes them."""
         if self._seen is not observation:  # several computations ask for one
+            objects = np.ascontiguousarray(observation.objects, np.float32)
             arm = self._world.arm(observation)
-            features = observation.objects.shape[-1], arm.size
+            features = objects.shape[-1], arm.size
             if features != self._features:
                 raise ActingError(
                     "policy: expected {} features of an object and {} of the arm, as it was "
                     "trained with, got {} and {}".format(*self._features, *features)
                 )
-            self._seen, self._arm = observation, arm
-        return self._arm
+            self._seen, self._inputs = observation, (objects, arm)
+        return self._inputs
 
     def _ready(self) -> Inference:
         if self._inference is None:

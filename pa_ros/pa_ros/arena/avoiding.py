@@ -23,8 +23,6 @@ AVOID_WITHIN_M = 0.30  # from the target to what is to be avoided, so that it is
 class Avoiding(Reaching):
     """Moves the hand to blocks, and learns to stay away from others."""
 
-    recipe = "deep"
-
     def conditions(self, design: Design) -> Iterator[Condition]:
         train, *others = super().conditions(design)
         yield train

@@ -139,13 +139,6 @@ class Design:
         return self.skill.preset
 
     @property
-    def recipe(self) -> str:
-        """The recipe of learning, unless another one is chosen: one that suits the skill, or
-        several relations."""
-        several = len(self.vocabulary.relations) > 1 and self.skill.recipe == Skill.recipe
-        return "deep" if several else self.skill.recipe
-
-    @property
     def pool(self) -> tuple[Kind, ...]:
         """Every block that training can put on the table."""
         return kinds(self.values)

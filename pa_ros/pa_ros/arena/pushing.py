@@ -46,7 +46,7 @@ LONGEST = 99  # steps of a program
 class Pushing(Skill):
     """Moves blocks to places and to other blocks, and the hand to both."""
 
-    preset = recipe = "push"
+    preset = "push"
     touches_blocks = True
     does = "pushes blocks; it cannot grasp"
     score = SUCCESS

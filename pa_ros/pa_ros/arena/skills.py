@@ -45,8 +45,6 @@ class Skill(ABC):
 
     preset: ClassVar[str] = "fast"
     """The arena's preset, unless another one is chosen."""
-    recipe: ClassVar[str] = "ours"
-    """How agents learn it, unless another recipe is chosen (`pa_ros.learning.recipes`)."""
     touches_blocks: ClassVar[bool] = False
     """Whether the arm has to touch blocks."""
     does: ClassVar[str]

@@ -79,9 +79,9 @@ def learning_from(options: argparse.Namespace, design: Design, **values: Any) ->
 
     Unless a recipe is named, it is the design's.
     """
-    from pa_ros.learning.recipes import LearningSettings
+    from pa_ros.learning.recipes import LearningSettings, recipe_for
 
-    recipe = options.recipe or design.recipe
+    recipe = options.recipe or recipe_for(design.vocabulary)
     names = {"recipe": recipe, "algorithm": options.algorithm}
     given = learning_given(options, LearningSettings(**names))
     return LearningSettings(**names, **values, **given)

@@ -119,7 +119,7 @@ class PolicySnapshot:
     version: int
     architecture: str  # canonical JSON of the network's configuration
     world_digest: str
-    tensors: dict[str, Float32]  # state-dict names; float32, C-contiguous
+    tensors: dict[str, Float32] = field(repr=False)  # state-dict names; float32, C-contiguous
 
 
 ENDLESS = 2**31 - 1  # steps of an episode without a time limit: 6.8 years at 10 Hz

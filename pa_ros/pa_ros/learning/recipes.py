@@ -8,14 +8,13 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from pa_ros.core.settings import OneOf, Settings, nested
+from pa_ros.language import Vocabulary
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkSettings
-from pa_ros.world.world import World
 
 OURS, DPG = "ours", "dpg"  # the defaults
-PUSH = "push"  # the default where programs move objects
-DEEP = "deep"  # the default where programs avoid a set, or have several relations
+PUSH, DEEP = "push", "deep"  # the defaults of some designs: see `recipe_for`
 Values = Mapping[str, Any]  # by dotted path, "learner.PART.NAME" or "network.NAME"
 
 # As in the appendix. Of what it leaves open, the initial weights matter most: a critic that starts
@@ -81,9 +80,8 @@ _DEEP: Values = {
 RECIPES: Mapping[str, Values] = {"paper": _PAPER, OURS: _OURS, PUSH: _PUSH, DEEP: _DEEP}
 
 
-def usual_recipe(world: World) -> str:
-    """The recipe with which agents learn a world's programs."""
-    vocabulary = world.vocabulary
+def recipe_for(vocabulary: Vocabulary) -> str:
+    """The recipe for programs with these words, unless another one is chosen."""
     if vocabulary.moves_objects:
         return PUSH
     return DEEP if vocabulary.avoids or len(vocabulary.relations) > 1 else OURS
@@ -128,7 +126,7 @@ class LearningSettings(Settings):
         values = nested(values)
         if "protocol" in values:  # its older name
             values["recipe"] = values.pop("protocol")
-        recipe, algorithm = values.get("recipe", OURS), values.get("algorithm", DPG)
+        recipe, algorithm = values.get("recipe") or OURS, values.get("algorithm", DPG)
         names = isinstance(recipe, str) and isinstance(algorithm, str)
         if names and recipe in RECIPES and algorithm in ALGORITHMS:  # else rejected by name
             for name, part in _defaults(recipe, algorithm).items():

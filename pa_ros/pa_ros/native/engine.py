@@ -198,14 +198,14 @@ class FusedActor:
         """See `Inference.act`."""
         self._take(program)
         action = np.empty(self._actions, np.float32)
-        self._actor.act(_contiguous(objects), _contiguous(arm), hand_index, action)
+        self._actor.act(objects, arm, hand_index, action)
         return action
 
     def degrees(self, objects: Float32, arm: Float32, program: Program, hand: int) -> Float32:
         """See `Inference.degrees`."""
         self._take(program)
         degrees = np.empty((4, len(objects)), np.float32)
-        self._actor.degrees(_contiguous(objects), _contiguous(arm), hand, degrees)
+        self._actor.degrees(objects, arm, hand, degrees)
         return degrees
 
     def _take(self, program: Program) -> None:
@@ -214,7 +214,3 @@ class FusedActor:
             self._newest = None  # if compiling fails, the library's is not the newest
             self._family.set_program(self._actor, program, self._config)
             self._newest = program
-
-
-def _contiguous(array: Float32) -> Float32:
-    return np.ascontiguousarray(array, np.float32)

@@ -13,8 +13,10 @@ RELEVANT, MOVED, TARGET, AVOIDED = range(4)
 
 
 class Inference(Protocol):
-    """Actions of one set of weights at a time, for objects [N, F] and arm [A]. NetworkError or
-    ProgramError for a program that the network cannot represent."""
+    """Actions of one set of weights at a time, for objects [N, F] and arm [A], both C-contiguous.
+
+    NetworkError or ProgramError for a program that the network cannot represent.
+    """
 
     def load(self, tensors: Tensors) -> None:
         """Act with these weights, which fit the network, from now on."""

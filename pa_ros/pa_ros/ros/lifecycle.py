@@ -67,7 +67,7 @@ class ManagedNode(LifecycleNode, ABC):
         self._checker: Checker | None = None
         self._forged = 0  # messages without a valid signature, at the last report
         self._error: Exception | None = None  # that made the newest transition fail
-        self._own_parameters = NodeParameters(self, settings)
+        self._own_parameters: NodeParameters[Any] = NodeParameters(self, settings)
         self._health = HealthReporter(self, self.refusals, self._report, self._progress)
         self._change_state = self._LifecycleNodeMixin__on_change_state
         for path, kind in LIFECYCLE_SERVICES.items():

@@ -33,23 +33,21 @@ class NodeParameters(Generic[Kind]):
 
     def __init__(self, node: Node, kind: type[Kind]) -> None:
         self._node, self._kind = node, kind
-        self._given = set(self._values())
+        self._given = self._values()
         self._leaves: dict[str, Leaf] = {}  # of the parameters that can be set now
         node.add_on_set_parameters_callback(self._check)
         self.open()
 
     def open(self) -> None:
         """Let parameters be set until the next `fix`."""
-        values, node, self._leaves = self._values(), self._node, {}
+        node, self._leaves = self._node, {}
         leaves = {leaf.path: leaf for leaf in self._kind.leaves()}
-        for path in {**leaves, **values}:
-            if node.has_parameter(path):
-                node.describe_parameter(path).read_only = False
-                node.undeclare_parameter(path)
+        for path in {**leaves, **self._values()}:
+            self._undeclare(path)
             if path in leaves or path in self._given:
                 about = describe(leaves[path]) if path in leaves else ParameterDescriptor()
                 about.read_only, about.dynamic_typing = False, True
-                value = to_ros(values[path]) if path in self._given & values.keys() else None
+                value = to_ros(self._given[path]) if path in self._given else None
                 node.declare_parameter(path, value, about, ignore_override=True)
         self._leaves = leaves  # last: `fix` rejects a wrong value that was given at the start
 
@@ -58,18 +56,27 @@ class NodeParameters(Generic[Kind]):
 
         Raises ConfigError for an unknown parameter, or for a value that the settings reject.
         """
-        given, self._leaves = self._values(), {}
-        self._given = set(given)  # also kept if they are rejected, so that one can be corrected
-        settings = self._kind(**given)
+        # Also kept if they are rejected, so that one can be corrected.
+        self._given, self._leaves = self._values(), {}
+        return self.fix_again()
+
+    def fix_again(self, **values: Any) -> Kind:
+        """As `fix`, with these values by name where none was given, or an empty one."""
+        given = {path: value for path, value in self._given.items() if value or path not in values}
+        settings = self._kind(**values | given)
         leaves = {leaf.path: leaf for leaf in settings.own_leaves()}
         # Another algorithm than the default one may lack some of the settings declared so far.
         for path in {leaf.path: leaf for leaf in self._kind.leaves()} | leaves:
-            if self._node.has_parameter(path):
-                self._node.undeclare_parameter(path)
+            self._undeclare(path)
         for leaf in leaves.values():
             value = to_ros(leaf.default)
             self._node.declare_parameter(leaf.path, value, describe(leaf), ignore_override=True)
         return settings
+
+    def _undeclare(self, path: str) -> None:
+        if self._node.has_parameter(path):
+            self._node.describe_parameter(path).read_only = False
+            self._node.undeclare_parameter(path)
 
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         """Reject a value that its setting rejects, in the words of the setting."""

@@ -80,7 +80,7 @@ class World:
         position, velocity = seen.joint_position, seen.joint_velocity
         parts = [np.sin(position), np.cos(position), velocity]
         parts += [seen.hand_pose] if self.sees_hand_pose else []
-        return np.concatenate(parts).astype(np.float32)
+        return np.concatenate(parts, dtype=np.float32)
 
     @property
     def columns(self) -> int:
