@@ -13,7 +13,7 @@ from pa_ros.core.experience import PolicySnapshot
 from pa_ros.learning.checkpoints import read_metadata
 from pa_ros.learning.config import TrainConfig
 from pa_ros.learning.loop import train
-from pa_ros.learning.recipes import LearningSettings
+from pa_ros.learning.recipes import LearningSettings, recipe_for
 from pa_ros.tools.launch_params import Parameters
 
 pytestmark = pytest.mark.graph
@@ -41,7 +41,7 @@ def over_the_graph(
 def in_process(folder: Path, version: int, name: str) -> dict[str, np.ndarray]:
     design = design_named(name)
     arena = preset_named(design.preset)
-    learning = LearningSettings().changed(**OPTIONS)
+    learning = LearningSettings(recipe=recipe_for(design.vocabulary)).changed(**OPTIONS)
     learner = train(
         TrainConfig(out=folder, seed=SEED, frames=version * 100, evaluate_every_frames=0),
         learning.network.for_world(world_of(arena, design)),

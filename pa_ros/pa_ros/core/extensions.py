@@ -63,13 +63,17 @@ def _load_file(path: Path) -> ModuleType:
 
 
 def guarded(
-    what: str, function: Callable[..., Any], fits: Callable[..., bool] = lambda *_: True
+    what: str,
+    function: Callable[..., Any],
+    fits: Callable[..., bool] = lambda *_: True,
+    expected: str = "a result",
 ) -> Callable[..., Any]:
     """A function of an extension whose faults are ExtensionErrors; a function of this package as it
     is.
 
     :param what: names it in errors ("reward Shaped").
     :param fits: receives a result and the arguments; whether it is what the function must return.
+    :param expected: says in errors what that is.
     """
     inner = function
     while isinstance(inner, partial):
@@ -80,7 +84,7 @@ def guarded(
 
     def fault(got: str) -> ExtensionError:
         file = getattr(sys.modules.get(module), "__file__", None) or module
-        return ExtensionError(f"{what} of the extension {file}: expected a result, got {got}")
+        return ExtensionError(f"{what} of the extension {file}: expected {expected}, got {got}")
 
     @wraps(function)
     def call(*arguments: Any) -> Any:

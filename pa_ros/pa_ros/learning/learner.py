@@ -91,7 +91,6 @@ class Learner:
         )
         make_engine = ALGORITHMS[config.ALGORITHM].make_engine
         self.engine: Engine = make_engine(network, config, self.table, self.rng)
-        self._update = guarded(f"algorithm {config.ALGORITHM}", self.engine.update)
         if attach := getattr(self.engine, "attach", None):
             attach(self)
         kept = config.schedule.versions_kept
@@ -155,8 +154,9 @@ class Learner:
 
     def update(self, updates: int) -> None:
         """Make this many updates, whether due or not; LearningError without transitions."""
+        update = guarded(f"algorithm {self.config.ALGORITHM}", self.engine.update)
         for batch in self.batches(updates):
-            self._update(batch)
+            update(batch)
             self.counters.updates += 1
 
     def batches(self, updates: int) -> Iterator[Batch]:

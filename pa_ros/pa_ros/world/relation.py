@@ -73,7 +73,8 @@ class Relation:
                     f"relation {self.name}: {what}: expected numbers {list(shape)} without NaN, "
                     f"got {numbers!r}"
                 )
-        measure = guarded(f"relation {self.name}: measure", self.measure, _fits)
+        expected = "a number for each pair of poses"
+        measure = guarded(f"relation {self.name}: measure", self.measure, _fits, expected)
         object.__setattr__(self, "measure", measure)
 
     def check(self, threshold: float) -> None:

@@ -36,7 +36,9 @@ class Reward(ABC):
 
     def __init_subclass__(cls) -> None:
         """Guard the function of an extension."""
-        setattr(cls, "__call__", guarded(f"reward {cls.__name__}", cls.__call__, _fits))  # noqa: B010
+        expected = "a finite number for each state"
+        own = guarded(f"reward {cls.__name__}", cls.__call__, _fits, expected)
+        setattr(cls, "__call__", own)  # noqa: B010
 
     @abstractmethod
     def __call__(self, satisfied: Any, measure: Any) -> Any:
