@@ -9,11 +9,12 @@ from itertools import permutations
 from pathlib import Path
 from typing import Any, Final, Literal
 
+from chaos.moody import RAISES, UNSYNCED
 from chaos.stage import LAUNCHER, NODES, RECORDER, START_S, Stage, StageError
 from pa_ros.learning.checkpoint_files import find_checkpoint
 
 Kind = Literal[
-    "learning", "keyed", "launched", "relayed", "executing", "fleet", "extended", "robot"
+    "learning", "keyed", "launched", "relayed", "executing", "fleet", "extended", "sighted", "robot"
 ]
 Act = Callable[[Stage], object]
 
@@ -148,9 +149,13 @@ def disk_faults() -> list[Fault]:
 
 
 def extension_faults() -> list[Fault]:
-    """A reward that fails for a while."""
-    return [Fault("sim_node: an extension's reward raises", lambda stage: stage.raises.touch(),
-                  lambda stage: stage.raises.unlink(), kind="extended")]  # fmt: skip
+    """A reward, and a folder's sync, that fail for a while."""
+    on_extended = partial(Fault, kind="extended")
+    return [
+        on_extended("sim_node: an extension's reward raises", _in_mood(RAISES), _no_more(RAISES)),
+        on_extended("learner_node: its folder cannot sync", _in_mood(UNSYNCED), _end_unsynced,
+                    STOPPED_S, silent="a checkpoint is written all the same"),
+    ]  # fmt: skip
 
 
 def signalled(name: str, number: signal.Signals, title: str = "", **rest: Any) -> Fault:
@@ -224,6 +229,25 @@ def _kill_launched_recorder(stage: Stage) -> None:
         raise StageError("launcher: expected it to end with its recorder, but it runs")
     if f"{RECORDER} ended by itself" not in stage.log(LAUNCHER):
         raise StageError(f"launcher: expected the cause, got {stage.log(LAUNCHER)[-300:]}")
+
+
+def _in_mood(name: str) -> Act:
+    return lambda stage: (stage.moods / name).touch()
+
+
+def _no_more(name: str) -> Act:
+    return lambda stage: (stage.moods / name).unlink()
+
+
+def _end_unsynced(stage: Stage) -> None:
+    """A checkpoint must have been written meanwhile, which the restarted learner resumes."""
+    began_s = (stage.moods / UNSYNCED).stat().st_mtime
+    written_s = find_checkpoint(stage.checkpoint).stat().st_mtime
+    stage.signal(LEARNER, signal.SIGKILL)
+    _no_more(UNSYNCED)(stage)
+    _restart(LEARNER)(stage)
+    if written_s < began_s:
+        raise StageError("learner_node: expected a checkpoint while folders could not be synced")
 
 
 def _limit_files(name: str, size: int) -> Act:

@@ -47,7 +47,7 @@ def test_the_table_is_written_between_its_markers(tmp_path: Path):
 
 def test_faults_have_unique_names_and_are_chosen_by_parts_of_them():
     names = [fault.name for fault in all_faults()]
-    assert len(set(names)) == len(names) == 105
+    assert len(set(names)) == len(names) == 107
     assert {f.name for f in chosen(["recorder: SIG"])} == {
         "recorder: SIGKILL", "recorder: SIGTERM", "recorder: SIGSTOP 5 s",
         "launched recorder: SIGKILL",
