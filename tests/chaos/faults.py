@@ -140,8 +140,8 @@ def disk_faults() -> list[Fault]:
               STOPPED_S),
         Fault("recorder: disk full", _limit_files(RECORDER, 0), _restart(RECORDER), 2.0,
               silent=NO_DIAGNOSTICS),
-        Fault("checkpoint: a foreign file", partial(_damage_newest, "notes.txt", Path.touch),
-              hold_s=0.0, silent="nothing is damaged", ready=lambda stage: bool(stage.versions())),
+        Fault("checkpoint: foreign files", _leave_notes, hold_s=0.0,
+              silent="nothing is damaged", ready=lambda stage: bool(stage.versions())),
         *(Fault(f"checkpoint: {text.format(name)}", partial(_damage_newest, name, damage),
                 hold_s=0.0, damages=1, ready=lambda stage: len(stage.versions()) > 1)
           for text, damage in damages.items() for name in FILES),
@@ -262,6 +262,15 @@ def _damage_newest(name: str, damage: Callable[[Path], None], stage: Stage) -> N
     stage.stop(LEARNER)
     damage(find_checkpoint(stage.checkpoint) / name)
     stage.start(LEARNER)
+
+
+def _leave_notes(stage: Stage) -> None:
+    """Kill the learner, put a file into each of its checkpoints, start it again."""
+    stage.signal(LEARNER, signal.SIGKILL)
+    stage.until(lambda: stage.ended(LEARNER), STOPPED_S)
+    for folder in stage.checkpoint.glob("version-*"):
+        (folder / "notes.txt").touch()
+    _restart(LEARNER)(stage)
 
 
 def _cut(path: Path) -> None:
