@@ -45,6 +45,7 @@ class Fault:
     silent: str = ""  # why no node needs to report it
     damages: int = 0  # checkpoints that may be lost
     halts: bool = False  # the arm must hold still
+    harmless: bool = False  # nothing may hold meanwhile, so no node may report anything
     rests: bool = False  # the arm must come to rest, and may move again
     others_continue: bool = False  # the learner must keep learning from another arena
     ends_all: bool = False  # no process may be left meanwhile

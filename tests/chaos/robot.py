@@ -136,7 +136,7 @@ def robot_faults() -> list[Fault]:
     """Dead and stopped processes, lost and bad messages, and a wall clock that is set."""
     common: dict[str, Any] = {"kind": "robot", "ready": lambda s: _rig(s).arm.speed > FAST}
     dead = {"silent": "nobody else has diagnostics", "halts": True}
-    no_harm: dict[str, Any] = {"silent": "the arm moves on"}
+    no_harm: dict[str, Any] = {"silent": "the arm moves on", "harmless": True}
     crowded = [crowd(200)] * 2  # 100 times a second
 
     def sends(name: str, spoil: Spoil, **rest: Any) -> Fault:
