@@ -21,6 +21,7 @@ from rclpy.node import Node
 from chaos.arm import (
     CLASS,
     DETECTED,
+    HOUR,
     PushedArm,
     Record,
     Sent,
@@ -42,7 +43,6 @@ OVERSHOOT: Final = 1.01  # of the simulated motors, share of the speed limit
 RAMP_S: Final = float(LIMITS.max()) / ACCELERATION
 AT_REST_S: Final = 0.4 + RAMP_S + 0.1  # it says so, too; the last part is the motors'
 FAST: Final = 0.5  # rad/s, of the arm that is struck
-HOUR: Final = 3600
 
 
 class Rig(Stage):
