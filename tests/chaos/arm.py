@@ -34,7 +34,8 @@ TICK_S: Final = 0.01  # of the physics, and between two samples
 HOUR: Final = 3600  # s
 STALL_S: Final = 0.2  # a pause of this process that is worth a note
 AT_REST: Final = 0.02  # rad/s
-REST_S: Final = 0.1  # at rest for so long; an arm that turns back is slow for less
+REST_S: Final = 0.3  # at rest for so long; an arm that turns back, or waits for a late point of a
+# trajectory, is slow for less
 DETECTED, CLASS = "blue_cylinder", "cylinder"  # the object that `detections` measure
 
 

@@ -22,6 +22,8 @@ from chaos.arm import (
     CLASS,
     DETECTED,
     HOUR,
+    REST_S,
+    STALL_S,
     PushedArm,
     Record,
     Sent,
@@ -106,12 +108,16 @@ class Rig(Stage):
     def unrest(self, since_s: float, stays: bool) -> str:
         rest_s, stayed = self.arm.rest(since_s)
         if rest_s is None:
-            late = time.monotonic() - since_s > AT_REST_S
+            late = time.monotonic() - since_s > AT_REST_S + REST_S
             return f"not at rest {AT_REST_S:.2f} s after the fault" if late else ""
         self.arm.record.rest_s = rest_s
         if rest_s > AT_REST_S:
             return f"at rest only after {rest_s:.2f} s, allowed {AT_REST_S:.2f}"
         return "" if stayed or not stays else "the arm did not stay at rest"
+
+    @property
+    def stalled(self) -> bool:
+        return self.arm.record.stall_s > STALL_S
 
     def harm(self) -> tuple[str, list[str]]:
         record, self.arm.record = self.arm.record, Record()

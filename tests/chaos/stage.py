@@ -168,6 +168,11 @@ class Stage:
         moved = self.observer.moved(since_s + SETTLE_S)
         return f"the arm moved by {moved:.4f} rad" if stays and moved > HELD_RAD else ""
 
+    @property
+    def stalled(self) -> bool:
+        """Whether this process was too busy to be a good agent, which nodes may report."""
+        return False
+
     def harm(self) -> tuple[str, list[str]]:
         """What the arm did since the last call, and what it must not have done."""
         return "", []
