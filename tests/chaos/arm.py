@@ -31,9 +31,11 @@ from pa_ros.wire.views import encode_transforms
 
 PERIOD_S: Final = 0.02  # of the driver
 TICK_S: Final = 0.01  # of the physics, and between two samples
+HOUR: Final = 3600  # s
 STALL_S: Final = 0.2  # a pause of this process that is worth a note
 AT_REST: Final = 0.02  # rad/s
-REST_S: Final = 0.1  # at rest for so long; an arm that turns back is slow for less
+REST_S: Final = 0.3  # at rest for so long; an arm that turns back, or waits for a late point of a
+# trajectory, is slow for less
 DETECTED, CLASS = "blue_cylinder", "cylinder"  # the object that `detections` measure
 
 
@@ -82,7 +84,7 @@ class Record:
 class PushedArm:
     """Publishes joint_states, tf and detections, answers observations, and moves as commanded.
 
-    Commands take effect when they arrived, so a stall of this process changes nothing.
+    Commands take effect when they were sent, so a stall of this process changes nothing.
     """
 
     def __init__(self, node: Node, control: str, box: tuple[Float64, Float64], seed: int) -> None:
@@ -138,9 +140,12 @@ class PushedArm:
             time.sleep(max(0.0, due - time.monotonic()))
             now = time.monotonic()
             self.record.stall_s = max(self.record.stall_s, now - due)
+            if now - due > PERIOD_S:  # the middleware was stalled, too, and may need a moment
+                time.sleep(PERIOD_S)
             due = max(due + PERIOD_S, now)
             for message, info in take_messages(self._setpoints):
-                age_s = (time.time_ns() - info["received_timestamp"]) / 1e9
+                # A fault may set the sender's clock, by whole hours.
+                age_s = (time.time_ns() - info["source_timestamp"]) / 1e9 % HOUR
                 self._commands.append((time.monotonic() - age_s, message))
             while (step_s := self._next_step(now)) > 0.0:
                 self._advance(step_s)
@@ -150,7 +155,7 @@ class PushedArm:
 
     def _next_step(self, now_s: float) -> float:
         """How far to advance, after the commands of this time; s. The physics knows only ticks, but
-        a trajectory's point changes the motion when it arrives."""
+        a trajectory's point changes the motion when it is sent."""
         while self._commands and self._commands[0][0] <= self._at_s:
             self._take(self._commands.popleft()[1])
         if self._control != "joint_trajectory":

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from chaos import faults, messages, robot, services
+from chaos import faults, messages, robot, services, sight
 from chaos.cycles import Cycle, mis_joined, orphans, run_cycle, shared_memory
 from chaos.faults import Fault
 from chaos.stage import Stage, staged
@@ -17,6 +17,7 @@ from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.tools.domain import use_free_domain
 
 SHORT: Final = ("agent_node: SIGKILL", "learner_node: SIGKILL", "sim_node: SIGSTOP 5 s")
+STAGES: Final[dict[str, type[Stage]]] = {"robot": robot.Rig, "sighted": sight.Sighted}
 PER_STAGE: Final = 12  # cycles, so that a recording stays short enough to be replayed
 TABLE = ("<!-- make chaos -->\n", "<!-- end -->\n")  # the table in FAULTS.md lies between these
 HEAD = """| Fault | Reported, s | Recovered, s |
@@ -60,7 +61,8 @@ def all_faults() -> list[Fault]:
     return [*faults.process_faults(), *faults.order_faults(), *faults.disk_faults(),
             *messages.stranger_faults(), *faults.launcher_faults(), *messages.relay_faults(),
             *services.service_faults(), *faults.executing_faults(),
-            *faults.fleet_faults(), *faults.extension_faults(), *robot.robot_faults()]  # fmt: skip
+            *faults.fleet_faults(), *faults.extension_faults(), *sight.sight_faults(),
+            *robot.robot_faults()]  # fmt: skip
 
 
 def chosen(only: Sequence[str] = (), short: bool = False) -> list[Fault]:
@@ -111,7 +113,7 @@ def _on_one_stage(folder: Path, number: int, part: list[Row], log: Callable[[str
     memory: set[Path] = set()
     kind = part[0].fault.kind
     try:
-        with staged(folder, number, kind, robot.Rig if kind == "robot" else Stage) as stage:
+        with staged(folder, number, kind, STAGES.get(kind, Stage)) as stage:
 
             def note() -> None:
                 agents.add(stage.observer.text("agent_node", "agent_id"))

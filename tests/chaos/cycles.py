@@ -64,6 +64,8 @@ def run_cycle(stage: Stage, fault: Fault) -> Cycle:
                                   f"{fault.hold_s:g} s after version {version}")  # fmt: skip
         if fault.ends_all and (left := orphans(stage.mark)):
             cycle.failures.append(f"processes left behind: {left}")
+        if fault.harmless and cycle.report and not stage.stalled:
+            cycle.failures.append(f"expected no report of a harmless fault, got {cycle.report}")
         if fault.halts or fault.rests:
             unrest = stage.unrest(struck, fault.halts)
             cycle.failures += [unrest] if unrest else []

@@ -9,11 +9,12 @@ from itertools import permutations
 from pathlib import Path
 from typing import Any, Final, Literal
 
+from chaos.moody import RAISES, UNSYNCED
 from chaos.stage import LAUNCHER, NODES, RECORDER, START_S, Stage, StageError
 from pa_ros.learning.checkpoint_files import find_checkpoint
 
 Kind = Literal[
-    "learning", "keyed", "launched", "relayed", "executing", "fleet", "extended", "robot"
+    "learning", "keyed", "launched", "relayed", "executing", "fleet", "extended", "sighted", "robot"
 ]
 Act = Callable[[Stage], object]
 
@@ -44,6 +45,7 @@ class Fault:
     silent: str = ""  # why no node needs to report it
     damages: int = 0  # checkpoints that may be lost
     halts: bool = False  # the arm must hold still
+    harmless: bool = False  # nothing may hold meanwhile, so no node may report anything
     rests: bool = False  # the arm must come to rest, and may move again
     others_continue: bool = False  # the learner must keep learning from another arena
     ends_all: bool = False  # no process may be left meanwhile
@@ -139,8 +141,8 @@ def disk_faults() -> list[Fault]:
               STOPPED_S),
         Fault("recorder: disk full", _limit_files(RECORDER, 0), _restart(RECORDER), 2.0,
               silent=NO_DIAGNOSTICS),
-        Fault("checkpoint: a foreign file", partial(_damage_newest, "notes.txt", Path.touch),
-              hold_s=0.0, silent="nothing is damaged", ready=lambda stage: bool(stage.versions())),
+        Fault("checkpoint: foreign files", _leave_notes, hold_s=0.0,
+              silent="nothing is damaged", ready=lambda stage: bool(stage.versions())),
         *(Fault(f"checkpoint: {text.format(name)}", partial(_damage_newest, name, damage),
                 hold_s=0.0, damages=1, ready=lambda stage: len(stage.versions()) > 1)
           for text, damage in damages.items() for name in FILES),
@@ -148,9 +150,13 @@ def disk_faults() -> list[Fault]:
 
 
 def extension_faults() -> list[Fault]:
-    """A reward that fails for a while."""
-    return [Fault("sim_node: an extension's reward raises", lambda stage: stage.raises.touch(),
-                  lambda stage: stage.raises.unlink(), kind="extended")]  # fmt: skip
+    """A reward, and a folder's sync, that fail for a while."""
+    on_extended = partial(Fault, kind="extended")
+    return [
+        on_extended("sim_node: an extension's reward raises", _in_mood(RAISES), _no_more(RAISES)),
+        on_extended("learner_node: its folder cannot sync", _in_mood(UNSYNCED), _end_unsynced,
+                    STOPPED_S, silent="a checkpoint is written all the same"),
+    ]  # fmt: skip
 
 
 def signalled(name: str, number: signal.Signals, title: str = "", **rest: Any) -> Fault:
@@ -226,6 +232,25 @@ def _kill_launched_recorder(stage: Stage) -> None:
         raise StageError(f"launcher: expected the cause, got {stage.log(LAUNCHER)[-300:]}")
 
 
+def _in_mood(name: str) -> Act:
+    return lambda stage: (stage.moods / name).touch()
+
+
+def _no_more(name: str) -> Act:
+    return lambda stage: (stage.moods / name).unlink()
+
+
+def _end_unsynced(stage: Stage) -> None:
+    """A checkpoint must have been written meanwhile, which the restarted learner resumes."""
+    began_s = (stage.moods / UNSYNCED).stat().st_mtime
+    written_s = find_checkpoint(stage.checkpoint).stat().st_mtime
+    stage.signal(LEARNER, signal.SIGKILL)
+    _no_more(UNSYNCED)(stage)
+    _restart(LEARNER)(stage)
+    if written_s < began_s:
+        raise StageError("learner_node: expected a checkpoint while folders could not be synced")
+
+
 def _limit_files(name: str, size: int) -> Act:
     limits = (size, UNLIMITED)
     return lambda stage: resource.prlimit(stage.pid(name), resource.RLIMIT_FSIZE, limits)
@@ -238,6 +263,15 @@ def _damage_newest(name: str, damage: Callable[[Path], None], stage: Stage) -> N
     stage.stop(LEARNER)
     damage(find_checkpoint(stage.checkpoint) / name)
     stage.start(LEARNER)
+
+
+def _leave_notes(stage: Stage) -> None:
+    """Kill the learner, put a file into each of its checkpoints, start it again."""
+    stage.signal(LEARNER, signal.SIGKILL)
+    stage.until(lambda: stage.ended(LEARNER), STOPPED_S)
+    for folder in stage.checkpoint.glob("version-*"):
+        (folder / "notes.txt").touch()
+    _restart(LEARNER)(stage)
 
 
 def _cut(path: Path) -> None:

@@ -21,6 +21,9 @@ from rclpy.node import Node
 from chaos.arm import (
     CLASS,
     DETECTED,
+    HOUR,
+    REST_S,
+    STALL_S,
     PushedArm,
     Record,
     Sent,
@@ -42,7 +45,6 @@ OVERSHOOT: Final = 1.01  # of the simulated motors, share of the speed limit
 RAMP_S: Final = float(LIMITS.max()) / ACCELERATION
 AT_REST_S: Final = 0.4 + RAMP_S + 0.1  # it says so, too; the last part is the motors'
 FAST: Final = 0.5  # rad/s, of the arm that is struck
-HOUR: Final = 3600
 
 
 class Rig(Stage):
@@ -106,12 +108,16 @@ class Rig(Stage):
     def unrest(self, since_s: float, stays: bool) -> str:
         rest_s, stayed = self.arm.rest(since_s)
         if rest_s is None:
-            late = time.monotonic() - since_s > AT_REST_S
+            late = time.monotonic() - since_s > AT_REST_S + REST_S
             return f"not at rest {AT_REST_S:.2f} s after the fault" if late else ""
         self.arm.record.rest_s = rest_s
         if rest_s > AT_REST_S:
             return f"at rest only after {rest_s:.2f} s, allowed {AT_REST_S:.2f}"
         return "" if stayed or not stays else "the arm did not stay at rest"
+
+    @property
+    def stalled(self) -> bool:
+        return self.arm.record.stall_s > STALL_S
 
     def harm(self) -> tuple[str, list[str]]:
         record, self.arm.record = self.arm.record, Record()
@@ -136,7 +142,7 @@ def robot_faults() -> list[Fault]:
     """Dead and stopped processes, lost and bad messages, and a wall clock that is set."""
     common: dict[str, Any] = {"kind": "robot", "ready": lambda s: _rig(s).arm.speed > FAST}
     dead = {"silent": "nobody else has diagnostics", "halts": True}
-    no_harm: dict[str, Any] = {"silent": "the arm moves on"}
+    no_harm: dict[str, Any] = {"silent": "the arm moves on", "harmless": True}
     crowded = [crowd(200)] * 2  # 100 times a second
 
     def sends(name: str, spoil: Spoil, **rest: Any) -> Fault:

@@ -52,6 +52,14 @@ def parameters_of(kind: str, folder: Path) -> Parameters:
     if kind == "executing":
         scene = {"mode": "real_time", "real_time_factor": 2.0, "episode_steps": 100_000}
         return {"sim_node": {"seed": 4, **scene}, "agent_node": {"seed": 4, "weights": "random"}}
+    if kind == "sighted":
+        scene = {"design": "3-D", "mode": "real_time", "episode_steps": 100_000}
+        view = {"rate_hz": 10.0, "view": "above", "width": 240, "height": 240}
+        return {
+            "sim_node": {"seed": 2, **scene, **{f"camera.{k}": v for k, v in view.items()}},
+            "camera_node": {},
+            "agent_node": {"seed": 4, "weights": "checkpoint", "checkpoint": "shipped:camera"},
+        }
     if kind == "robot":
         return {"robot_node": {"robot": str(folder.resolve() / "robot.yaml"), "autostart": True}}
     learning: Parameters = {
@@ -98,8 +106,8 @@ class Stage:
         self._pids: dict[str, int] = {}
         self._starts = 0
         patience = Patience(interrupt_s=10.0, terminate_s=3.0)
-        self.raises = folder.resolve() / "raises"  # whether the reward of an "extended" one does
-        own = {MARK: self.mark, moody.RAISES: str(self.raises), **(environment or {})}
+        self.moods = folder.resolve()  # of an "extended" one
+        own = {MARK: self.mark, moody.MOODS: str(self.moods), **(environment or {})}
         self._supervisor = Supervisor(folder / "log", own, patience)
 
     @property
@@ -159,6 +167,11 @@ class Stage:
         `stays` so, until now; empty: nothing."""
         moved = self.observer.moved(since_s + SETTLE_S)
         return f"the arm moved by {moved:.4f} rad" if stays and moved > HELD_RAD else ""
+
+    @property
+    def stalled(self) -> bool:
+        """Whether this process was too busy to be a good agent, which nodes may report."""
+        return False
 
     def harm(self) -> tuple[str, list[str]]:
         """What the arm did since the last call, and what it must not have done."""
