@@ -44,6 +44,23 @@ def test_the_arm_holds_while_a_measurement_is_lost_and_says_which(table, lost):
     assert table.moves()
 
 
+@pytest.mark.parametrize("lacks", ["velocity: expected", "name: expected all joints"])
+def test_joint_states_that_cannot_be_used_are_explained_where_the_arm_waits_for_them(table, lacks):
+    joints, names = table.probe.speaker(topics.JOINT_STATES), [f"joint_{i}" for i in range(1, 7)]
+    used = names if "velocity" in lacks else names[:4]
+    bad = JointState(name=used, position=[0.0] * len(used))
+    table.lost.add("joints")
+
+    def told() -> bool:
+        joints.publish(bad)
+        message = table.probe.message("robot_node")
+        return f"old; refused: joint_states: joint_states.{lacks}" in message
+
+    assert table.probe.until(told)
+    table.lost.clear()
+    assert table.moves()
+
+
 def test_the_arm_moves_on_beside_large_messages_and_bad_entries(table):
     assert table.moves()
     tf, joints = (table.probe.speaker(topic) for topic in (topics.TF, topics.JOINT_STATES))
