@@ -4,6 +4,7 @@ import math
 import os
 import signal
 import time
+from contextlib import closing
 
 import pytest
 import yaml
@@ -14,6 +15,7 @@ from tf2_msgs.msg import TFMessage
 from helpers.graph import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, User, graph
 from helpers.robots import SIMULATED, Table, robot_values
 from pa_ros.ros import topics
+from pa_ros.tools.connection import Connection
 from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.program import ProgramRequest, encode_program
 from sim_node.robot.node import RobotNode
@@ -57,6 +59,9 @@ def test_joint_states_that_cannot_be_used_are_explained_where_the_arm_waits_for_
         return f"old; refused: joint_states: joint_states.{lacks}" in message
 
     assert table.probe.until(told)
+    client = Connection("", 10.0, table.probe.context.get_domain_id())
+    with closing(client):
+        assert table.probe.until(lambda: "/robot_node: holds: joint_states" in client.standstill())
     table.lost.clear()
     assert table.moves()
 

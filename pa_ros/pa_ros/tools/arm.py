@@ -201,6 +201,8 @@ class Arm:
             for status in sender.send(program, patience, timeout, hold).refused:
                 raise PaError(f"{status.node}: {status.reason}", status.code)
             found = sender.wait(patience)
+        except NoAnswerError as error:
+            raise NoAnswerError(f"{error}: {graph.standstill()}", error.code) from error
         finally:
             graph.call(sender.close)
         code, reason = ("", "") if found.satisfied else ENDED[found.ended]
@@ -406,5 +408,5 @@ class GoalHandle:
             return
         what = "the agent fell silent: does its node still run?"
         if silent_s < graph.patience:
-            what = "the arena's time stands still: is it paused? (Arm.resume, set_simulation_state)"
+            what = f"the arena's time stands still: {graph.standstill()}"
         raise NoAnswerError(f"no progress for {graph.patience:g} s: {what}", code="arm.stalled")

@@ -20,11 +20,19 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.ros.actions import EXECUTE_PROGRAM, SIMULATE_STEPS
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.refusals import Refusals
-from pa_ros.tools.client import ArenaClient, NoAnswerError, client_node, namespaces_of_arenas
+from pa_ros.ros.topics import OBJECT_FEATURES
+from pa_ros.tools.client import (
+    ArenaClient,
+    NoAnswerError,
+    client_node,
+    namespaces_of_arenas,
+    publishers_of,
+)
 from pa_ros.tools.domain import DomainClaim
 from pa_ros.tools.graph import start_nodes
 from pa_ros.tools.launch_params import Parameters
 from pa_ros.tools.launcher import Supervisor
+from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
 from pa_ros.tools.scenes import SceneMonitor
 from pa_ros.tools.weights import AgentWeights
 
@@ -49,7 +57,8 @@ class Connection:
                 domain = stack.enter_context(domain).number
             self.node = node = stack.enter_context(client_node("arm", namespace, domain))
             self.domain, self.namespace = node.context.get_domain_id(), node.get_namespace()
-            self.monitor = SceneMonitor(node)
+            self.monitor, self._figures = SceneMonitor(node), GraphFigures()
+            watch_diagnostics(node, self._figures)
             self.weights = AgentWeights(node, self.namespace.strip("/"), Refusals(log.warning))
             self.services = ArenaClient(node, patience, self.until)
             self.goals: Any = ActionClient(node, EXECUTE_PROGRAM[1], EXECUTE_PROGRAM[0])
@@ -97,7 +106,7 @@ class Connection:
         if (arena := self.monitor.arena) is not None:
             raise NoAnswerError(
                 f"arena {arena.arena_id} describes itself, but no observation of it arrived within "
-                f"{self.patience:g} s: is it inactive, or paused since its start?",
+                f"{self.patience:g} s: {self.standstill()}",
                 code="arm.silent_arena",
             )
         raise NoAnswerError(
@@ -105,6 +114,13 @@ class Connection:
             "Arm.simulated()), or choose the domain (ROS_DOMAIN_ID) and namespace of yours",
             code="arm.no_arena",
         )
+
+    def standstill(self) -> str:
+        """Why the arena's time stands still: what the nodes that publish its steps say."""
+        nodes = sorted(publishers_of(self.node, OBJECT_FEATURES))
+        if not nodes:
+            return f"no node publishes {OBJECT_FEATURES.name}: has sim_node or robot_node ended?"
+        return "; ".join(map(self._figures.message, nodes))
 
     def until(self, condition: Callable[[], bool], timeout_s: float | None = None) -> bool:
         """Wait for a condition, for `patience` unless given; whether it became true in time.

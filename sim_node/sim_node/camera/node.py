@@ -207,7 +207,7 @@ class CameraNode(ManagedNode):
             return WARN, "waits for an arena (arena_info, object_features)", {}
         if self._age > self.config.timeout_s:
             names = f"{topics.CAMERA_IMAGE.name} and {topics.CAMERA_INFO.name}"
-            seen = f"the arm holds: expected {names}, got none that can be used for {self._age:.1f} s"
+            seen = f"the arm holds: expected {names}, got none of use for {self._age:.1f} s"
             if self._early is not None:
                 seen += f", or only some that are later than every step: {DO_CLOCKS_AGREE}"
             return WARN, seen, {}
