@@ -96,8 +96,8 @@ class Arm:
         *,
         seed: int = 2,
         speed: float = 1.0,
-        record: Path | None = None,
-        logs: Path | None = None,
+        record: str | Path | None = None,
+        logs: str | Path | None = None,
         domain: int | None = None,
         **arena: Any,
     ) -> Arm:
@@ -147,13 +147,16 @@ class Arm:
     def check(self, program: str) -> str:
         """The program in canonical form.
 
-        Raises ProgramError, whose text shows the place, unless it can be executed in this scene;
-        where blocks are only seen, the arena alone knows whether it names one.
+        Raises ProgramError, whose text shows the place, unless it can be executed in this scene by
+        this agent; where blocks are only seen, the arena alone knows whether it names one.
         """
         scene = self.scene()
         world, seen = scene.arena.world, scene.step.observation
         parsed = parse_goal(program, world.vocabulary)
         world.require_possible(parsed, seen.objects, seen.hand_index)
+        weights = self.graph.weights
+        self.graph.discovered(lambda: bool(weights.architecture))
+        weights.check(parsed)
         return str(parsed)
 
     def explain(self, program: str = "") -> Explanation:

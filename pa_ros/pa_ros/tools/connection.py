@@ -17,7 +17,7 @@ from typing import Any
 from rclpy.action import ActionClient
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.ros.actions import EXECUTE_PROGRAM, SIMULATE_STEPS
+from pa_ros.ros.actions import EXECUTE_PROGRAM, GOALS, SIMULATE_STEPS
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import OBJECT_FEATURES
@@ -35,10 +35,13 @@ from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
 from pa_ros.tools.scenes import SceneMonitor
 from pa_ros.tools.weights import AgentWeights
+from pa_ros.wire import Message
+from pa_ros.wire.services import is_any_active
 
 log = logging.getLogger(__name__)
 
 NOTICE_S = 3.0
+DISCOVERY_S = 3.0  # until the nodes of a graph have discovered each other
 POLL_S = 0.01
 
 
@@ -50,7 +53,7 @@ class Connection:
         :param patience: longest wait for an answer, s.
         :param domain: the ROS domain; None: ROS_DOMAIN_ID, or 0. A claim ends with the connection.
         """
-        self.patience = patience
+        self.patience, self._since = patience, time.monotonic()
         self._children: Supervisor | None = None
         with ExitStack() as stack:
             if isinstance(domain, DomainClaim):
@@ -63,6 +66,8 @@ class Connection:
             self.services = ArenaClient(node, patience, self.until)
             self.goals: Any = ActionClient(node, EXECUTE_PROGRAM[1], EXECUTE_PROGRAM[0])
             stack.callback(self.goals.destroy)
+            self.executing = False  # whether the agent works on a goal of any client
+            GOALS.subscribe(node, self._on_goals)
             self.steps: Any = ActionClient(node, SIMULATE_STEPS[1], SIMULATE_STEPS[0])
             stack.callback(self.steps.destroy)
             stop = threading.Event()
@@ -75,16 +80,21 @@ class Connection:
         # Python must not end while the thread runs C++.
         atexit.register(self.close)
 
-    def start(self, parameters: Parameters, record: Path | None, logs: Path | None) -> None:
+    def start(
+        self, parameters: Parameters, record: str | Path | None, logs: str | Path | None
+    ) -> None:
         """Start nodes in another process, which ends with the connection."""
         enter = self._stack.enter_context
-        folder = logs or Path(enter(tempfile.TemporaryDirectory(prefix="pa_ros-")))
+        folder = Path(logs or enter(tempfile.TemporaryDirectory(prefix="pa_ros-")))
         if record is not None:
             from pa_ros.tools.record import Recorder
 
-            enter(Recorder(record, self.node))
+            enter(Recorder(Path(record), self.node))
         self._children = enter(Supervisor(folder, {"ROS_DOMAIN_ID": str(self.domain)}))
         start_nodes(self._children, parameters, folder, compose=True)
+
+    def _on_goals(self, message: Message) -> None:
+        self.executing = is_any_active(message)
 
     def join(self) -> None:
         """Wait for an arena. Raises NoAnswerError or ConfigError, which say what to do."""
@@ -121,6 +131,15 @@ class Connection:
         if not nodes:
             return f"no node publishes {OBJECT_FEATURES.name}: has sim_node or robot_node ended?"
         return "; ".join(map(self._figures.message, nodes))
+
+    def agent_takes_goals(self) -> bool:
+        """Whether an agent is known that takes goals."""
+        return bool(self.goals.server_is_ready())
+
+    def discovered(self, condition: Callable[[], bool]) -> bool:
+        """Whether a condition holds. Shortly after joining it may only seem not to, because nodes
+        were not discovered yet: then wait for it."""
+        return self.until(condition, max(self._since + DISCOVERY_S - time.monotonic(), 0.0))
 
     def until(self, condition: Callable[[], bool], timeout_s: float | None = None) -> bool:
         """Wait for a condition, for `patience` unless given; whether it became true in time.
