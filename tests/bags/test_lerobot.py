@@ -1,11 +1,13 @@
 """A LeRobot dataset, read as its documentation describes it."""
 
 import json
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from helpers.recordings import STEPS, rewritten
+from helpers.recordings import STEPS, Acted, acted, recorded, rewritten
 from pa_ros.bags.episodes import episodes
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.main import main
@@ -62,6 +64,34 @@ def test_episodes_say_where_their_frames_and_programs_are(dataset):
         assert len(own) == row["length"] and {*own["episode_index"]} == {row["episode_index"]}
         assert {*own["task_index"]} == {*tasks.loc[row["tasks"]]["task_index"]}
         assert row["tasks"][0].startswith("NEAR(HAND, ")
+
+
+def executed(goal: str, steps: list[Acted], reached: int = 99, given_up: int = 99) -> list[Any]:
+    """Steps under a goal that holds from one of them on, or is given up at another."""
+    found = list[Any]()
+    for k, (seen, verdict, command, program, _) in enumerate(steps):
+        holds = command and k >= given_up
+        found.append((
+            replace(seen, program_id=goal),
+            replace(verdict, satisfied=k >= reached),
+            replace(command, action=0 * command.action) if holds else command,
+            program if goal else "", False,
+        ))  # fmt: skip
+    return found
+
+
+def test_an_executed_goal_is_an_episode_up_to_its_end_with_its_success(tmp_path):
+    steps = [one for one in acted() if not one[-1]]
+    goals = executed("a", steps[3:16], reached=1), executed("b", steps[16:], given_up=9)
+    bag = recorded(tmp_path / "bag", [*executed("", steps[:3]), *goals[0], *goals[1]])
+    assert main(["bag", "export", str(bag), "--lerobot", str(tmp_path / "set")]) == 0
+    frames = pandas.read_parquet(tmp_path / "set/data/chunk-000/file-000.parquet")
+    first, second = (part for _, part in frames.groupby("episode_index"))
+    assert (len(first), len(second)) == (11, 9)  # after 1 s of holding, and at the first rest
+    assert first["next.success"].tolist() == [False] * 10 + [True]
+    assert not second["next.success"].any() and second["next.done"].tolist()[-1]
+    action = np.stack(first["action"])
+    np.testing.assert_array_equal(action[0], steps[3][2].action)
 
 
 def test_statistics_are_those_of_all_frames(dataset):

@@ -6,6 +6,7 @@ import pytest
 from pydantic import Field, ValidationError
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.registry import OF_YOUR_OWN, Registry
 from pa_ros.core.settings import OneOf, Settings
 
 
@@ -42,6 +43,25 @@ def test_a_refusal_names_the_path(changes, message) -> None:
     with pytest.raises(ConfigError) as refusal:
         Whole().changed(**changes)
     assert str(refusal.value) == message
+
+
+def test_a_refusal_says_how_to_write_a_list_and_where_names_of_your_own_come_from() -> None:
+    known: Registry[int] = Registry("arm")
+    known.register("jaco", 1)
+
+    class Chosen(Settings):
+        several: tuple[Annotated[str, OneOf(lambda: known)], ...] = ()
+        one: Annotated[str, OneOf(lambda: known)] = "jaco"
+
+    for change, said in (
+        ({"several": "jaco"}, "several: expected some of ['jaco'], got 'jaco', which is no list: "
+         "write [jaco]"),
+        ({"one": "ur5e"}, f"one: expected one of ['jaco'], got 'ur5e'{OF_YOUR_OWN}"),
+        ({"one": "jack"}, "one: expected one of ['jaco'], got 'jack'; did you mean 'jaco'?"),
+    ):  # fmt: skip
+        with pytest.raises(ConfigError) as refusal:
+            Chosen().changed(**change)
+        assert str(refusal.value) == said
 
 
 def test_an_int_passes_for_a_float_and_a_list_for_a_tuple() -> None:

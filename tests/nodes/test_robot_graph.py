@@ -4,6 +4,7 @@ import math
 import os
 import signal
 import time
+from contextlib import closing
 
 import pytest
 import yaml
@@ -14,6 +15,7 @@ from tf2_msgs.msg import TFMessage
 from helpers.graph import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, User, graph
 from helpers.robots import SIMULATED, Table, robot_values
 from pa_ros.ros import topics
+from pa_ros.tools.connection import Connection
 from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.program import ProgramRequest, encode_program
 from sim_node.robot.node import RobotNode
@@ -40,6 +42,26 @@ def test_the_arm_holds_while_a_measurement_is_lost_and_says_which(table, lost):
     assert table.moves()
     table.lost.add(lost)
     assert table.stops("holds: joint_states" if lost == "joints" else f"holds: {lost}")
+    table.lost.clear()
+    assert table.moves()
+
+
+@pytest.mark.parametrize("lacks", ["velocity: expected", "name: expected all joints"])
+def test_joint_states_that_cannot_be_used_are_explained_where_the_arm_waits_for_them(table, lacks):
+    joints, names = table.probe.speaker(topics.JOINT_STATES), [f"joint_{i}" for i in range(1, 7)]
+    used = names if "velocity" in lacks else names[:4]
+    bad = JointState(name=used, position=[0.0] * len(used))
+    table.lost.add("joints")
+
+    def told() -> bool:
+        joints.publish(bad)
+        message = table.probe.message("robot_node")
+        return f"old; refused: joint_states: joint_states.{lacks}" in message
+
+    assert table.probe.until(told)
+    client = Connection("", 10.0, table.probe.context.get_domain_id())
+    with closing(client):
+        assert table.probe.until(lambda: "/robot_node: holds: joint_states" in client.standstill())
     table.lost.clear()
     assert table.moves()
 

@@ -191,7 +191,7 @@ def test_an_agent_acts_by_what_camera_node_sees_and_holds_when_pictures_stop(
         good = probe.last(topics.CAMERA_IMAGE), probe.last(topics.CAMERA_INFO)
 
         relay.on = False
-        stopped = "the arm holds: expected camera/image_raw and camera/camera_info, got none for"
+        stopped = "the arm holds: expected camera/image_raw and camera/camera_info, got none of use"
         assert probe.until(lambda: stopped in probe.message("camera_node"))
         probe.until(lambda: False, 1.0)  # what was under way has arrived
         before, commands = len(steps), probe.count(topics.JOINT_COMMANDS)
@@ -215,7 +215,8 @@ def test_an_agent_acts_by_what_camera_node_sees_and_holds_when_pictures_stop(
             (relay.info, blind, "wire.uncalibrated"),
         ):
             assert probe.until(partial(_is_refused, probe, out, bad, code)), code
-        assert probe.until(lambda: "s; refused: camera_info.k: exp" in probe.message("camera_node"))
+        said = "s; refused: camera/camera_info: camera_info.k: exp"
+        assert probe.until(lambda: said in probe.message("camera_node"))
         relay.on = True
         assert probe.until(lambda: len(steps) > before + 5)
         assert probe.until(lambda: probe.message("camera_node").endswith(" objects"))

@@ -6,6 +6,7 @@ import pytest
 
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.ros.refusals import (
+    KEPT_S,
     PROGRAMS_AT_ONCE,
     PROGRAMS_PER_S,
     RateLimiter,
@@ -56,6 +57,25 @@ def test_a_guarded_callback_refuses_bad_input_and_passes_bugs_on(refusals):
     assert refusals.counts["config"] == 1
     with pytest.raises(ZeroDivisionError):
         guarded("bug")
+
+
+def test_a_refusal_is_remembered_until_a_message_of_its_topic_is_accepted(refusals, clock):
+    def callback(message: str) -> None:
+        if message != "good":
+            raise ConfigError(message)
+
+    joints, tf = refusals.guard("joints", callback), refusals.guard("tf", callback)
+    joints("no velocities")
+    clock.now += 0.5
+    tf("no frame")
+    refusals.refuse("the arm holds", ConfigError("no joints"))  # not a topic
+    said = [("tf", "no frame"), ("joints", "no velocities")]
+    joints("good")  # of another publisher, while the bad ones go on
+    assert refusals.newest == said
+    clock.now += KEPT_S
+    tf("no frame")
+    joints("good")
+    assert refusals.newest == said[:1]
 
 
 def test_refusals_of_several_threads_are_all_counted(refusals, lines):

@@ -33,10 +33,11 @@ REACHABLE = "NEAR(HAND, AND(RED, CUBE))"
 @pytest.fixture(scope="module")
 def arm(module_domain: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Arm]:
     logs = tmp_path_factory.mktemp("arm")
-    with Arm.simulated(speed=5.0, domain=int(module_domain), logs=logs) as arm:
+    domain, bag = int(module_domain), logs / "bag"
+    with Arm.simulated(speed=5.0, domain=domain, logs=str(logs), record=str(bag)) as arm:
         assert processes_of(logs)
         yield arm
-    assert not processes_of(logs)
+    assert not processes_of(logs) and (bag / "metadata.yaml").is_file()
 
 
 def test_the_example_of_the_readme_and_of_help_succeeds(arm: Arm, capsys) -> None:
@@ -122,6 +123,14 @@ def test_a_wrong_program_is_an_error_with_its_place(arm: Arm) -> None:
             ask("NEAR(HAND, BLUE)")
 
 
+def test_a_program_that_this_agent_never_learned_is_no_program_to_check(arm: Arm) -> None:
+    avoiding = "AVOID(AND(GREEN, CUBE), NEAR(HAND, AND(RED, CUBE)))"
+    for text in (avoiding, f"THEN(NEAR(HAND, SPHERE), {avoiding})"):
+        with rejected("program.avoids", match="for these networks"):
+            arm.check(text)
+    assert "AVOID" not in arm.check("THEN(NEAR(HAND, SPHERE), NEAR(HAND, CUBE))")
+
+
 def test_phi_and_p_of_the_scene_are_explained(arm: Arm) -> None:
     found = arm.explain("NEAR(HAND, AND(RED, CUBE))")
     p = dict(zip(found.objects, found.p, strict=True))
@@ -137,7 +146,7 @@ def test_a_scene_is_chosen_and_a_paused_arena_is_an_error_that_says_so(arm: Arm,
     assert arm.reset(0).blocks == ("RED CUBE", "GREEN CUBE", "RED SPHERE", "GREEN CYLINDER")
     arm.pause()
     monkeypatch.setattr(arm.graph, "patience", 2.0)
-    with pytest.raises(NoAnswerError, match="is it paused"):
+    with pytest.raises(NoAnswerError, match="time stands still: /sim_node: paused"):
         arm.execute(REACHABLE)
     arm.resume()
     assert arm.execute(REACHABLE, timeout=50).success

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
+from typing import TYPE_CHECKING
 
 import anyio
 import pytest
@@ -21,6 +22,9 @@ from pa_ros.core.errors import PaError
 
 mcp = pytest.importorskip("mcp", reason="the extra `mcp` is not installed")
 from pa_ros.tools.assistants import Table, make_server  # noqa: E402
+
+if TYPE_CHECKING:
+    from pa_ros import Arm
 
 LOOKING = {"scene", "check", "status", "picture"}
 REACHABLE = "NEAR(HAND, AND(RED, CUBE))"
@@ -116,20 +120,20 @@ def test_without_a_graph_each_call_says_what_to_do():
 
 
 @pytest.fixture(scope="module")
-def graph(module_domain: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+def other(module_domain: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator["Arm"]:
     from pa_ros import Arm
 
     logs: Path = tmp_path_factory.mktemp("assistants")
-    with Arm.simulated(speed=5.0, domain=int(module_domain), logs=logs):
-        yield module_domain
+    with Arm.simulated(speed=5.0, domain=int(module_domain), logs=logs) as other:
+        yield other
 
 
 @pytest.mark.graph
-def test_an_assistant_looks_checks_executes_and_sees_the_result(graph: str):
+def test_an_assistant_looks_checks_executes_and_sees_the_result(other: "Arm"):
     server = mcp.StdioServerParameters(
         command=sys.executable,
         args=["-m", "pa_ros", "mcp", "--allow-execute"],
-        env={**os.environ, "ROS_DOMAIN_ID": graph},
+        env={**os.environ, "ROS_DOMAIN_ID": str(other.graph.domain)},
     )
 
     async def run() -> None:
@@ -142,6 +146,13 @@ def test_an_assistant_looks_checks_executes_and_sees_the_result(graph: str):
                 answer = await client.call_tool(name, given)
                 assert not answer.is_error, answer.content
                 return json.loads(answer.content[0].text)
+
+            status = await call("status")
+            assert status["an_agent_takes_programs"] and not status["executing"]
+            goal = other.start(REACHABLE, timeout=0, hold=10_000)
+            while not (await call("status"))["executing"]:
+                await anyio.sleep(0.1)
+            goal.cancel()
 
             scene = await call("scene")
             assert "RED CUBE" in scene["blocks"] and REACHABLE in scene["programs_that_make_sense"]

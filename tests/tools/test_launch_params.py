@@ -1,11 +1,13 @@
 """The parameters file of a launch: which nodes, with what, and what is refused."""
 
+import re
 from typing import Any
 
 import pytest
 import yaml
 
 from learner_node.config import LearnerNodeConfig
+from pa_ros import make_arena
 from pa_ros.cli.launch import DEFAULT
 from pa_ros.core.errors import ConfigError
 from pa_ros.learning.errors import CheckpointError
@@ -47,6 +49,14 @@ def test_named_nodes_are_started_with_common_and_own_parameters(tmp_path):
         "sim_node": {"seed": 4, "design": "2-L"},
         "agent_node": {"seed": 3, "design": "2-L"},
     }
+
+
+@pytest.mark.parametrize("name", ["execute_3d", "execute_avoid", "execute_push"])
+def test_the_program_that_a_packaged_file_shows_names_what_is_on_its_table(name):
+    (shown,) = re.findall(r'pa_ros send "(.*)"', packaged(name).read_text())
+    values = load_parameters(packaged(name))["sim_node"]
+    arena = make_arena(values.get("design", "3-D"), seed=values["seed"])
+    assert arena.begin(shown) is arena.observation
 
 
 @pytest.mark.parametrize(

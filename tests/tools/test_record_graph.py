@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -18,16 +19,23 @@ from helpers.processes import pa_ros
 from helpers.recordings import decoded, publisher_heard
 from helpers.waiting import DEADLINE_S, wait_for
 from pa_ros.bags.errors import BagError
+from pa_ros.bags.reader import Bag
 from pa_ros.bags.repair import repair
 from pa_ros.cli.main import main
 from pa_ros.core.experience import Step
 from pa_ros.ros import topics
+from pa_ros.ros.actions import EXECUTE_PROGRAM
 from pa_ros.ros.topics import best_effort
 from pa_ros.tools.client import client_node
 from pa_ros.tools.record import BAG_TOPICS, Recorder, SequenceGaps, topics_named
 from pa_ros.wire.definitions import installed_types, message_type
 from pa_ros.wire.diagnostics import Health, Origin, encode_diagnostics, encode_provenance
-from pa_ros.wire.program import ProgramRequest, encode_program
+from pa_ros.wire.program import (
+    GoalProgress,
+    ProgramRequest,
+    encode_goal_feedback,
+    encode_program,
+)
 from pa_ros.wire.step import encode_joints, encode_step
 
 pytestmark = pytest.mark.graph
@@ -65,6 +73,24 @@ def test_decoded_messages_equal_the_published_ones(tmp_path):
     assert found["/diagnostics"].status[0].values[0].value == "b"
     custom = information(tmp_path / "bag")["custom_data"]
     assert set(json.loads(custom["pa_ros.lost"]).values()) == {0}
+
+
+def test_the_feedback_of_an_action_is_recorded(tmp_path):
+    name = f"{EXECUTE_PROGRAM[0]}/_action/feedback"
+    progress = GoalProgress(0.25, False, ("hand",), (0.5,), policy_version=7)
+    sent = EXECUTE_PROGRAM[1].Impl.FeedbackMessage(feedback=encode_goal_feedback(progress))
+    sent.goal_id.uuid = np.arange(16, dtype=np.uint8)
+    with client_node("test") as node:
+        publisher = node.create_publisher(type(sent), name, 10)
+        with Recorder(tmp_path / "bag", node, topics_named(node, [name])) as recorder:
+            wait_for(publisher.get_subscription_count, "the recorder")
+            publisher.publish(sent)
+            wait_for(lambda: sum(recorder.counts.values()), "a message")
+    with Bag(tmp_path / "bag") as bag:
+        found: Any
+        (found,) = map(bag.deserialize, bag.messages())
+    assert (found.goal_id.uuid[15], found.feedback.distance) == (15, 0.25)
+    assert (found.feedback.objects, found.feedback.policy_version) == (["hand"], 7)
 
 
 def test_bursts_are_recorded_whole_from_latched_and_plain_publishers(tmp_path):

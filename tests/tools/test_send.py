@@ -17,7 +17,7 @@ def test_patience_ends_when_no_step_arrives_however_long_the_program_takes(monke
     monkeypatch.setattr(send, "time", SimpleNamespace(monotonic=lambda: now))
     monkeypatch.setattr(send, "decode_step", lambda step: step)
     node, heard = Mock(), {}
-    node.create_subscription = lambda _, name, callback, *rest: heard.update({name: callback})
+    node.create_subscription = lambda _, name, to, *_rest, **_how: heard.update({name: to})
     node.get_publishers_info_by_topic = lambda _: []
 
     def spin(condition, timeout_s: float) -> bool:

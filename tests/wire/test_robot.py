@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PoseStamped, TransformStamped
+from geometry_msgs.msg import Pose, PoseStamped, Quaternion, TransformStamped
 from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
@@ -76,10 +76,17 @@ def link(parent: str, child: str, x: float = 0.0) -> TransformStamped:
 
 @given(st.lists(st.tuples(st.text(min_size=1, max_size=9), st.text(max_size=9)), max_size=5))
 def test_transforms_are_read_from_their_bytes_whatever_the_lengths_of_their_names(pairs):
-    names = [pair for pair in pairs if "\0" not in "".join(pair)]
+    names = [pair for pair in pairs if not {"\0", "/"} & set("".join(pair))]
     sent = [link(parent, child, float(i)) for i, (parent, child) in enumerate(names)]
     last = {child: (parent, float(i)) for i, (parent, child) in enumerate(names)}
     assert {child: (parent, pose[0]) for parent, child, pose, _ in transforms(*sent)} == last
+
+
+def test_a_frame_drops_the_slash_that_ros_1_put_before_it():
+    ((parent, child, *_),) = transforms(link("/camera", "/cup"), wanted=["cup"])
+    tracked = PoseStamped(pose=Pose(orientation=Quaternion(w=1.0)))
+    tracked.header.frame_id = "/camera"
+    assert (parent, child, decode_tracked(tracked, "dog")[0]) == ("camera", "cup", "camera")
 
 
 def test_only_the_transforms_of_wanted_frames_and_of_those_above_them_are_read():

@@ -24,7 +24,7 @@ from pa_ros.core.experience import (
 )
 from pa_ros.language import MIN_MAX, Goal, Logic, Program, stages
 from pa_ros.networks.config import NetworkConfig, actor_config
-from pa_ros.networks.families import family_of
+from pa_ros.networks.families import check_goal, family_of
 from pa_ros.world import Scoring, Trajectory
 from pa_ros.world.progress import GoalWatch
 from pa_ros.world.schema import Seen
@@ -139,9 +139,7 @@ class Agent:
     def check_program(self, goal: Goal) -> None:
         """Raise NetworkError or ProgramError if the weights cannot represent a program of it."""
         if self._actor is not None:
-            network = self._actor.network
-            for program in stages(goal):
-                family_of(network).check(program.sets_alone, network.vocabulary)
+            check_goal(self._actor.network, goal)
 
     def check_world(self, world: World) -> None:
         """Raise ActingError if the weights expect other objects, or another arm."""

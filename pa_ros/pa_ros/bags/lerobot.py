@@ -8,8 +8,9 @@ Source: https://huggingface.co/docs/lerobot/lerobot-dataset-v3.
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -30,10 +31,19 @@ VERSION = "v3.0"
 CHUNK = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 PER_CHUNK = 1000  # films
 CAMERA = "observation.images.top"
+HOLD_S = 1.0  # a goal that has held for so long is reached, as in `execute_program`
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 
 Columns = dict[str, NDArray[Any]]
 Statistics = dict[str, dict[str, list[Any]]]
+
+
+@dataclass(frozen=True)
+class Goal:
+    """An episode of the dataset: the steps under one goal, up to its end."""
+
+    rows: list[Row]
+    success: bool  # it held for HOLD_S, or when the recorded episode ended
 
 
 @dataclass(frozen=True)
@@ -52,7 +62,8 @@ def export_lerobot(
     numbers: Collection[int] | None = None,
     side_px: int | None = None,
 ) -> Written:
-    """Write a dataset; a frame is a control step and the action that answered it.
+    """Write a dataset; a frame is a control step and the action that answered it, an episode a goal
+    that was executed.
 
     With `side_px` each episode gets a film of the table from above, drawn from the recorded states.
     Raises BagError if the folder exists, if no episode can be written or the period is no whole
@@ -64,7 +75,7 @@ def export_lerobot(
     if folder.exists():
         raise BagError(f"export: {folder} already exists: name another folder")
     fps = _frames_per_second(arena)
-    chosen, cut = _chosen(found, numbers)
+    chosen, cut = _chosen(found, numbers, round(HOLD_S * fps))
     objects = max(len(row.seen.objects) for episode in chosen for row in episode.rows)
     programs = dict.fromkeys(row.step.program for episode in chosen for row in episode.rows)
     tasks = {program: k for k, program in enumerate(programs)}
@@ -121,17 +132,20 @@ def export_lerobot(
 
 
 def _chosen(
-    found: Iterable[RecordedEpisode], numbers: Collection[int] | None
-) -> tuple[list[RecordedEpisode], list[int]]:
-    """The wanted episodes' whole parts, and the numbers of episodes that are not whole."""
+    found: Iterable[RecordedEpisode], numbers: Collection[int] | None, hold: int
+) -> tuple[list[Goal], list[int]]:
+    """The goals of the wanted episodes, and the numbers of episodes that are not whole."""
     wanted = [episode for episode in found if numbers is None or episode.number in numbers]
     if missing := sorted(set(numbers or ()) - {episode.number for episode in wanted}):
         raise BagError(f"export: the bag does not contain episodes {missing}")
-    chosen, cut = list[RecordedEpisode](), list[int]()
+    chosen, cut = list[Goal](), list[int]()
     for episode in wanted:
-        parts = _parts(episode)
-        chosen += parts
-        if [len(part.rows) for part in parts] != [len(episode.rows)]:
+        goals = (_until_its_end(rows, hold) for rows in _parts(episode.rows))
+        chosen += [goal for goal in goals if len(goal.rows) > 1]
+        if any(
+            before.step.program and not _joined_to(before, row)
+            for before, row in pairwise(episode.rows)
+        ):
             cut.append(episode.number)
     if not chosen:
         text = f"export: expected steps with actions, got none in episodes {cut}"
@@ -149,9 +163,7 @@ def _frames_per_second(arena: ArenaDescription) -> int:
     return fps
 
 
-def _indices(
-    episode: RecordedEpisode, number: int, start: int, fps: int, tasks: Mapping[str, int]
-) -> Columns:
+def _indices(episode: Goal, number: int, start: int, fps: int, tasks: Mapping[str, int]) -> Columns:
     """Where each frame of an episode is: in time, in it, and among all, of which `start` precede
     it."""
     frames = len(episode.rows) - 1
@@ -164,19 +176,42 @@ def _indices(
     }
 
 
-def _parts(episode: RecordedEpisode) -> list[RecordedEpisode]:
-    """The parts in which no step is missing and each but the last has an action."""
-    parts: list[list[Row]] = [[]]
-    for row in episode.rows:
-        if parts[-1] and row.seen.step != parts[-1][-1].seen.step + 1:
+def _parts(rows: Sequence[Row]) -> list[list[Row]]:
+    """The rows under each program, cut where steps or actions are missing."""
+    parts: list[list[Row]] = []
+    for before, row in pairwise([None, *rows]):
+        assert row is not None
+        same = before is not None and _joined_to(before, row) and _goal(before) == _goal(row)
+        if not same:
             parts.append([])
         parts[-1].append(row)
-        if not len(row.action):
-            parts.append([])
-    return [replace(episode, rows=rows) for rows in parts if len(rows) > 1]
+    return [part for part in parts if part[0].step.program]
 
 
-def _columns(episode: RecordedEpisode, objects: int) -> Columns:
+def _goal(row: Row) -> tuple[str, str]:
+    return row.seen.program_id, row.step.program
+
+
+def _joined_to(before: Row, row: Row) -> bool:
+    """Whether a row's action led to the other row."""
+    return len(before.action) > 0 and row.seen.step == before.seen.step + 1
+
+
+def _until_its_end(rows: list[Row], hold: int) -> Goal:
+    """A goal's rows until it has held for so many steps, cannot hold any more, or is given up."""
+    held = 0
+    for count, row in enumerate(rows, 1):
+        verdict = row.step.verdict
+        held = held + 1 if verdict is not None and verdict.satisfied else 0
+        if held > hold or (verdict is not None and (verdict.truncated or verdict.violated)):
+            return Goal(rows[:count], held > 0)
+        # An agent that gives a goal up commands the arm to hold.
+        if count > 1 and len(row.action) and not row.action.any():
+            return Goal(rows[:count], False)
+    return Goal(rows, False)
+
+
+def _columns(episode: Goal, objects: int) -> Columns:
     """The frames of an episode; absent blocks are zero."""
     taken, following = episode.rows[:-1], episode.rows[1:]
     state = [np.concatenate([row.seen.joint_position, row.seen.joint_velocity]) for row in taken]
@@ -186,6 +221,8 @@ def _columns(episode: RecordedEpisode, objects: int) -> Columns:
         "action": np.array([row.action for row in taken], np.float32),
         "next.done": np.arange(len(taken)) == len(taken) - 1,
     }
+    if all(row.step.verdict is not None for row in following):
+        columns["next.success"] = columns["next.done"] & episode.success
     reward = np.array([row.reward for row in following], np.float32)
     return columns if np.isnan(reward).any() else {**columns, "next.reward": reward}
 
@@ -224,9 +261,7 @@ def _features(
     return features
 
 
-def _film(
-    path: Path, episode: RecordedEpisode, arena: ArenaDescription, side_px: int
-) -> dict[str, list[Any]]:
+def _film(path: Path, episode: Goal, arena: ArenaDescription, side_px: int) -> dict[str, list[Any]]:
     """Write the film of an episode's frames; returns the statistics of a tenth of its pictures."""
     scene, sampled = RecordedScene(arena, episode.rows[0].step), list[NDArray[Any]]()
 

@@ -33,6 +33,7 @@ from pydantic_core import CoreSchema, ErrorDetails, core_schema
 from pydantic_core import ValidationError as CoreError
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.registry import OF_YOUR_OWN, Registry
 from pa_ros.core.text import did_you_mean
 
 TYPE_NAMES: dict[Any, tuple[str, str]] = {  # one value, several values
@@ -146,8 +147,18 @@ class Leaf:
 
     def refusal(self, given: Any, shown: str) -> str:
         """Why a value is rejected, in words."""
-        hint = did_you_mean(given, self.choices) if isinstance(given, str) else ""
+        hint = ""
+        if isinstance(given, str) and self.is_list:
+            hint = f", which is no list: write [{given}]"
+        elif isinstance(given, str):
+            hint = did_you_mean(given, self.choices) or self._of_your_own
         return f"expected {self.expected}, got {shown}{hint}"
+
+    @property
+    def _of_your_own(self) -> str:
+        """What to do if the name is of an extension; empty if none can register names."""
+        registered = (m.names() for m in self.field.metadata if isinstance(m, OneOf))
+        return OF_YOUR_OWN if any(isinstance(names, Registry) for names in registered) else ""
 
 
 class Settings(BaseModel):

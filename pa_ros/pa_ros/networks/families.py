@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pa_ros.core.experience import Float32
 from pa_ros.core.registry import Registry
-from pa_ros.language import And, Program, Vocabulary, Word
+from pa_ros.language import And, Goal, Program, Vocabulary, Word, stages
 from pa_ros.language.flat import compile_program
 from pa_ros.networks.errors import NetworkError
 from pa_ros.world.programs import Int32, ProgramTable
@@ -37,6 +37,12 @@ Tensors = dict[str, Float32]
 Codes = tuple[Float32 | Int32, ...]
 """Programs as the networks take them, arrays [P, …] for the P programs of a table: the fields of
 `Compiled`, or what another family needs."""
+
+
+def check_goal(network: NetworkConfig, goal: Goal) -> None:
+    """Raise NetworkError or ProgramError if networks cannot represent a program of a goal."""
+    for program in stages(goal):
+        family_of(network).check(program.sets_alone, network.vocabulary)
 
 
 class Family(ABC):

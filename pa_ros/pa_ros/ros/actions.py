@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from action_msgs.msg import GoalStatusArray
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -13,11 +14,13 @@ from simulation_interfaces.action import SimulateSteps
 from msgs_schema.action import ExecuteProgram
 from pa_ros.core.errors import PaError
 from pa_ros.ros.refusals import RateLimiter, Refusals
-from pa_ros.ros.topics import SERVICE
+from pa_ros.ros.topics import LATCHED, LATCHED_READER, SERVICE, Topic
 from pa_ros.wire import Message
 
 EXECUTE_PROGRAM = ("execute_program", ExecuteProgram)
 SIMULATE_STEPS = ("simulate_steps", SimulateSteps)
+# The states of the goals of all clients
+GOALS = Topic(f"{EXECUTE_PROGRAM[0]}/_action/status", GoalStatusArray, LATCHED, LATCHED_READER)
 
 Action = tuple[str, Any]  # name and type
 # Wall time. Each change of a goal publishes the states of all goals that are kept, so keeping them

@@ -23,6 +23,8 @@ NUMBERS = re.compile(r"\d+(\.\d+)?")
 class HealthReporter:
     """Publishes level, message and values of a node, and how much input it refused.
 
+    A message that is not OK also says which input was refused last: the node may wait for it.
+
     The log gets a line when level or message change, and a line of `progress` every PROGRESS_S.
     """
 
@@ -47,11 +49,21 @@ class HealthReporter:
     def publish(self) -> None:
         """Publish now, besides once a second."""
         level, message, values = self._collect()
+        if level != OK:
+            message += self._refused_last(message)
         self._log_change(level, message)
         values |= {"refused": str(self._refusals.total), **self._refusals.values()}
         entry = Health(self._node.get_fully_qualified_name(), level, message, values)
         stamp_ns = self._node.get_clock().now().nanoseconds
         self._publisher.publish(encode_diagnostics([entry], stamp_ns))
+
+    def _refused_last(self, message: str) -> str:
+        """The newest refusal that the message doesn't state itself."""
+        said = NUMBERS.sub("#", message)
+        for where, reason in self._refusals.newest:
+            if NUMBERS.sub("#", reason) not in said:
+                return f"; refused: {where}: {reason}"
+        return ""
 
     def _log_change(self, level: int, message: str) -> None:
         # A message with a number that counts up is logged once, not every second.

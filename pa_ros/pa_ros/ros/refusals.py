@@ -12,6 +12,7 @@ from pa_ros.core.errors import PaError
 from pa_ros.wire.program import ProgramRequest, ProgramStatus
 
 LOG_PERIOD_S = 5.0
+KEPT_S = 3.0  # a refusal is remembered for so long, however many other messages are accepted
 PROGRAMS_PER_S, PROGRAMS_AT_ONCE = 50.0, 100.0
 Argument = TypeVar("Argument")
 
@@ -19,7 +20,8 @@ Argument = TypeVar("Argument")
 class Refusals:
     """Counts refusals by error code. Logs the first of a code, then one each `period_s`.
 
-    May be used by several threads.
+    Remembers the newest refusal of each guarded topic until a message of it is accepted. May be
+    used by several threads.
     """
 
     def __init__(
@@ -32,11 +34,15 @@ class Refusals:
         self._counts: Counter[str] = Counter()
         self._log, self._clock, self._period_s = log, clock, period_s
         self._logged: dict[str, tuple[float, int]] = {}  # code → when, and the count then
+        self._guarded: set[str] = set()
+        self._newest: dict[str, tuple[float, str]] = {}  # guarded topic → when, and why
 
     def refuse(self, where: str, error: PaError) -> None:
         """Count a refusal, and log it unless one with its code was logged just before."""
         code, now = error.code, self._clock()
         with self._lock:
+            if where in self._guarded:
+                self._newest[where] = now, str(error)
             self._counts[code] += 1
             count = self._counts[code]
             logged_at, logged_count = self._logged.get(code, (-self._period_s, 0))
@@ -50,14 +56,30 @@ class Refusals:
     def guard(self, where: str, callback: Callable[[Argument], None]) -> Callable[[Argument], None]:
         """The callback with each PaError turned into a refusal. Other errors are bugs: they end
         the node."""
+        self._guarded.add(where)
 
         def guarded(argument: Argument) -> None:
             try:
                 callback(argument)
             except PaError as error:
                 self.refuse(where, error)
+            else:
+                self._accepted(where)
 
         return guarded
+
+    def _accepted(self, where: str) -> None:
+        # Not at once: one of two publishers on a topic may send what can be used.
+        with self._lock:
+            if where in self._newest and self._clock() - self._newest[where][0] > KEPT_S:
+                del self._newest[where]
+
+    @property
+    def newest(self) -> list[tuple[str, str]]:
+        """Topics whose newest messages are refused, each with the reason; the latest first."""
+        with self._lock:
+            latest = sorted(self._newest.items(), key=lambda one: one[1][0], reverse=True)
+        return [(where, reason) for where, (_, reason) in latest]
 
     @property
     def counts(self) -> Counter[str]:

@@ -99,8 +99,8 @@ class Arm:
         *,
         seed: int = 2,
         speed: float = 1.0,
-        record: Path | None = None,
-        logs: Path | None = None,
+        record: str | Path | None = None,
+        logs: str | Path | None = None,
         domain: int | None = None,
         **arena: Any,
     ) -> Arm:
@@ -150,13 +150,16 @@ class Arm:
     def check(self, program: str) -> str:
         """The program in canonical form.
 
-        Raises ProgramError, whose text shows the place, unless it can be executed in this scene;
-        where blocks are only seen, the arena alone knows whether it names one.
+        Raises ProgramError, whose text shows the place, unless it can be executed in this scene by
+        this agent; where blocks are only seen, the arena alone knows whether it names one.
         """
         scene = self.scene()
         world, seen = scene.arena.world, scene.step.observation
         parsed = parse_goal(program, world.vocabulary)
         world.require_possible(parsed, seen.objects, seen.hand_index)
+        weights = self.graph.weights
+        self.graph.discovered(lambda: bool(weights.architecture))
+        weights.check(parsed)
         return str(parsed)
 
     def explain(self, program: str = "") -> Explanation:
@@ -204,6 +207,8 @@ class Arm:
             for status in sender.send(program, patience, timeout, hold).refused:
                 raise PaError(f"{status.node}: {status.reason}", status.code)
             found = sender.wait(patience)
+        except NoAnswerError as error:
+            raise NoAnswerError(f"{error}: {graph.standstill()}", error.code) from error
         finally:
             graph.call(sender.close)
         code, reason = ("", "") if found.satisfied else ENDED[found.ended]
@@ -415,5 +420,5 @@ class GoalHandle:
             return
         what = "the agent fell silent: does its node still run?"
         if silent_s < graph.patience:
-            what = "the arena's time stands still: is it paused? (Arm.resume, set_simulation_state)"
+            what = f"the arena's time stands still: {graph.standstill()}"
         raise NoAnswerError(f"no progress for {graph.patience:g} s: {what}", code="arm.stalled")

@@ -86,7 +86,7 @@ class Table:
 
     def status(self) -> dict[str, Any]:
         """Which arm and arena these are, whether an agent takes programs, and whether one is being
-        executed."""
+        executed, for any client."""
         arm, scene = self.arm, self.arm.scene()
         return {
             "arena": scene.arena.arena_id,
@@ -97,8 +97,8 @@ class Table:
             "seconds_since_the_last_step": round(
                 time.monotonic() - arm.graph.monitor.stepped_at, 1
             ),
-            "an_agent_takes_programs": bool(arm.graph.goals.server_is_ready()),
-            "executing": arm.goal is not None and not arm.goal.done,
+            "an_agent_takes_programs": (takes := arm.graph.discovered(arm.graph.agent_takes_goals)),
+            "executing": takes and arm.graph.executing,
             "program": scene.program,
             "satisfied": scene.satisfied,
             "distance": _finite(scene.distance),

@@ -23,6 +23,7 @@ from pa_ros.ros.topics import (
     SET_ENTITY_STATE,
     SET_SIMULATION_STATE,
     SPEED,
+    Topic,
 )
 from pa_ros.wire.services import Outcome, ResetRequest, decode_outcome, encode_reset, encode_speed
 from pa_ros.wire.simulator import (
@@ -86,6 +87,14 @@ def namespaces_of_arenas(node: Node) -> tuple[str, ...]:
         for topic, _ in node.get_topic_names_and_types()
         if topic.endswith(name) and node.count_publishers(topic)
     ))  # fmt: skip
+
+
+def publishers_of(node: Node, topic: Topic) -> set[str]:
+    """Full names of the nodes that publish a topic, as far as they have been discovered."""
+    return {
+        f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+        for info in node.get_publishers_info_by_topic(topic.name)
+    }
 
 
 class ArenaClient:

@@ -18,20 +18,31 @@ from typing import Any
 from rclpy.action import ActionClient
 
 from pa_ros.core.errors import ConfigError
-from pa_ros.ros.actions import EXECUTE_PROGRAM, SIMULATE_STEPS
+from pa_ros.ros.actions import EXECUTE_PROGRAM, GOALS, SIMULATE_STEPS
 from pa_ros.ros.executor import spin_until
 from pa_ros.ros.refusals import Refusals
-from pa_ros.tools.client import ArenaClient, NoAnswerError, client_node, namespaces_of_arenas
+from pa_ros.ros.topics import OBJECT_FEATURES
+from pa_ros.tools.client import (
+    ArenaClient,
+    NoAnswerError,
+    client_node,
+    namespaces_of_arenas,
+    publishers_of,
+)
 from pa_ros.tools.domain import DomainClaim
 from pa_ros.tools.graph import start_nodes
 from pa_ros.tools.launch_params import Parameters
 from pa_ros.tools.launcher import Supervisor
+from pa_ros.tools.monitor import GraphFigures, watch_diagnostics
 from pa_ros.tools.scenes import SceneMonitor
 from pa_ros.tools.weights import AgentWeights
+from pa_ros.wire import Message
+from pa_ros.wire.services import is_any_active
 
 log = logging.getLogger(__name__)
 
 NOTICE_S = 3.0
+DISCOVERY_S = 3.0  # until the nodes of a graph have discovered each other
 POLL_S = 0.01
 
 
@@ -43,18 +54,21 @@ class Connection:
         :param patience: longest wait for an answer, s.
         :param domain: the ROS domain; None: ROS_DOMAIN_ID, or 0. A claim ends with the connection.
         """
-        self.patience = patience
+        self.patience, self._since = patience, time.monotonic()
         self._children: Supervisor | None = None
         with ExitStack() as stack:
             if isinstance(domain, DomainClaim):
                 domain = stack.enter_context(domain).number
             self.node = node = stack.enter_context(client_node("arm", namespace, domain))
             self.domain, self.namespace = node.context.get_domain_id(), node.get_namespace()
-            self.monitor = SceneMonitor(node)
+            self.monitor, self._figures = SceneMonitor(node), GraphFigures()
+            watch_diagnostics(node, self._figures)
             self.weights = AgentWeights(node, self.namespace.strip("/"), Refusals(log.warning))
             self.services = ArenaClient(node, patience, self.until)
             self.goals: Any = ActionClient(node, EXECUTE_PROGRAM[1], EXECUTE_PROGRAM[0])
             stack.callback(self.goals.destroy)
+            self.executing = False  # whether the agent works on a goal of any client
+            GOALS.subscribe(node, self._on_goals)
             self.steps: Any = ActionClient(node, SIMULATE_STEPS[1], SIMULATE_STEPS[0])
             stack.callback(self.steps.destroy)
             stop = threading.Event()
@@ -67,16 +81,21 @@ class Connection:
         # Python must not end while the thread runs C++.
         atexit.register(self.close)
 
-    def start(self, parameters: Parameters, record: Path | None, logs: Path | None) -> None:
+    def start(
+        self, parameters: Parameters, record: str | Path | None, logs: str | Path | None
+    ) -> None:
         """Start nodes in another process, which ends with the connection."""
         enter = self._stack.enter_context
-        folder = logs or Path(enter(tempfile.TemporaryDirectory(prefix="pa_ros-")))
+        folder = Path(logs or enter(tempfile.TemporaryDirectory(prefix="pa_ros-")))
         if record is not None:
             from pa_ros.tools.record import Recorder
 
-            enter(Recorder(record, self.node))
+            enter(Recorder(Path(record), self.node))
         self._children = enter(Supervisor(folder, {"ROS_DOMAIN_ID": str(self.domain)}))
         start_nodes(self._children, parameters, folder, compose=True)
+
+    def _on_goals(self, message: Message) -> None:
+        self.executing = is_any_active(message)
 
     def join(self) -> None:
         """Wait for an arena. Raises NoAnswerError or ConfigError, which say what to do."""
@@ -98,7 +117,7 @@ class Connection:
         if (arena := self.monitor.arena) is not None:
             raise NoAnswerError(
                 f"arena {arena.arena_id} describes itself, but no observation of it arrived within "
-                f"{self.patience:g} s: is it inactive, or paused since its start?",
+                f"{self.patience:g} s: {self.standstill()}",
                 code="arm.silent_arena",
             )
         raise NoAnswerError(
@@ -106,6 +125,22 @@ class Connection:
             "Arm.simulated()), or choose the domain (ROS_DOMAIN_ID) and namespace of yours",
             code="arm.no_arena",
         )
+
+    def standstill(self) -> str:
+        """Why the arena's time stands still: what the nodes that publish its steps say."""
+        nodes = sorted(publishers_of(self.node, OBJECT_FEATURES))
+        if not nodes:
+            return f"no node publishes {OBJECT_FEATURES.name}: has sim_node or robot_node ended?"
+        return "; ".join(map(self._figures.message, nodes))
+
+    def agent_takes_goals(self) -> bool:
+        """Whether an agent is known that takes goals."""
+        return bool(self.goals.server_is_ready())
+
+    def discovered(self, condition: Callable[[], bool]) -> bool:
+        """Whether a condition holds. Shortly after joining it may only seem not to, because nodes
+        were not discovered yet: then wait for it."""
+        return self.until(condition, max(self._since + DISCOVERY_S - time.monotonic(), 0.0))
 
     def until(self, condition: Callable[[], bool], timeout_s: float | None = None) -> bool:
         """Wait for a condition, for `patience` unless given; whether it became true in time.

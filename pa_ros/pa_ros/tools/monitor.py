@@ -131,13 +131,20 @@ class GraphFigures:
         return "; ".join(found) or "-"
 
     def _alarms(self) -> str:
-        alarms = []
-        for name, (entry, when) in sorted(self._health.items()):
-            if self._now() - when > STALE_S:
-                alarms.append(f"{name}: silent for {self._now() - when:.0f} s")
-            elif entry.level:
-                alarms.append(f"{name}: {entry.message}")
+        alarms = [self.message(name) for name in sorted(self._health) if self._is_alarm(name)]
         return "; ".join(alarms) or "none"
+
+    def _is_alarm(self, name: str) -> bool:
+        entry, when = self._health[name]
+        return bool(entry.level) or self._now() - when > STALE_S
+
+    def message(self, name: str) -> str:
+        """What a node, by its full name, said last, and its name before that."""
+        if name not in self._health:
+            return f"{name}: no diagnostics"
+        entry, when = self._health[name]
+        silent_s = self._now() - when
+        return f"{name}: {f'silent for {silent_s:.0f} s' if silent_s > STALE_S else entry.message}"
 
 
 def _number(entry: Health, key: str) -> float | None:

@@ -16,9 +16,8 @@ from pa_ros.ros.topics import (
     OBJECT_FEATURES,
     PROGRAM,
     PROGRAM_STATUS,
-    Topic,
 )
-from pa_ros.tools.client import NoAnswerError, Spin
+from pa_ros.tools.client import NoAnswerError, Spin, publishers_of
 from pa_ros.wire import Message
 from pa_ros.wire.program import (
     ProgramRequest,
@@ -127,22 +126,15 @@ class ProgramSender:
         if self.answers.refused:
             return True
         needed = {"an arena": ARENA_INFO, "an agent": JOINT_COMMANDS}
-        found = {who: self._publishers(topic) for who, topic in needed.items()}
+        found = {who: publishers_of(self._node, topic) for who, topic in needed.items()}
         self.answers.absent = {who for who, nodes in found.items() if not nodes}
-        answering = set().union(*found.values(), self._publishers(PROGRAM_STATUS))
+        answering = set().union(*found.values(), publishers_of(self._node, PROGRAM_STATUS))
         self.answers.silent = answering - self.answers.statuses.keys()
         unanswered = self.answers.absent or self.answers.silent
         if unanswered and time.monotonic() - self._sent_at > RESEND_S:
             self._publish()
         settled = time.monotonic() - self._since > SETTLE_S
         return settled and not unanswered
-
-    def _publishers(self, topic: Topic) -> set[str]:
-        """Full names of the nodes that publish a topic, as far as they have been discovered."""
-        return {
-            f"{info.node_namespace.rstrip('/')}/{info.node_name}"
-            for info in self._node.get_publishers_info_by_topic(topic.name)
-        }
 
     def _on_status(self, message: Message) -> None:
         status = decode_program_status(message)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import posixpath
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,10 @@ from rclpy.node import Node
 
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import PolicySnapshot
+from pa_ros.language import Goal
+from pa_ros.learning.checkpoints import load_policy
+from pa_ros.networks.config import actor_config
+from pa_ros.networks.families import check_goal
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import POLICY_WEIGHTS, PROVENANCE
 from pa_ros.wire import Message
@@ -37,6 +42,7 @@ class AgentWeights:
         self._insight: Insight | None = None
         self._unread: Path | PolicySnapshot | None = None  # weights newer than the insight's
         self._namespace, self._topic = f"/{namespace}", POLICY_WEIGHTS.within(f"/{namespace}")
+        self.architecture = ""  # of the agent's networks; empty: not known
         self._newest = ("", -1)  # learner and version
         self._parameters: Mapping[str, Any] = {}  # of the agent
         self._reader: Any = None
@@ -53,7 +59,6 @@ class AgentWeights:
             return self._insight
         # Imported late: torch takes seconds, and most users of a graph need no explanation.
         from pa_ros.acting.insight import Insight, agent_logic
-        from pa_ros.learning.checkpoints import load_policy
 
         try:
             snapshot = load_policy(weights) if isinstance(weights, Path) else weights
@@ -61,6 +66,14 @@ class AgentWeights:
         except PaError as error:
             self._insight, self.why = None, str(error)
         return self._insight
+
+    def check(self, goal: Goal) -> None:
+        """Raise NetworkError or ProgramError if the agent's networks cannot represent a goal.
+
+        Nothing is checked while they are not known.
+        """
+        if self.architecture:
+            check_goal(actor_config(self.architecture), goal)
 
     @property
     def _of_learner(self) -> bool:
@@ -97,12 +110,14 @@ class AgentWeights:
         parameters = decode_provenance(message).parameters
         if "checkpoint" not in parameters:
             return  # of another node
-        self._parameters = parameters
+        self._parameters, self.architecture = parameters, ""
         # A fleet's learner is not in the namespace of an arena.
         learner = str(parameters.get("learner", ""))
         self._topic = POLICY_WEIGHTS.within(posixpath.join(self._namespace, learner))
         if parameters.get("weights") == "checkpoint":
             self._unread = Path(str(parameters["checkpoint"]))
+            with suppress(PaError):  # of another machine: `insight` says why it is not known
+                self.architecture = load_policy(self._unread).architecture
         elif parameters.get("weights") == "random":
             self._insight = self._unread = None
             self.why = "the agent drew random weights, which it doesn't publish"
@@ -111,5 +126,5 @@ class AgentWeights:
         policy = decode_weights(message)
         snapshot, (learner, version) = policy.snapshot, self._newest
         if policy.learner_id != learner or snapshot.version > version:
-            self._unread = snapshot
+            self._unread, self.architecture = snapshot, snapshot.architecture
             self._newest = policy.learner_id, snapshot.version

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
+from collections.abc import Iterator
 from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
@@ -18,6 +20,7 @@ from pa_ros.wire import WireError
 
 # NumPy types of ROS types that NumPy does not know by name.
 _DTYPES = {"octet": "uint8", "byte": "uint8", "char": "uint8"}
+_FEEDBACK = "_FeedbackMessage"  # ends the type of an action's topic `_action/feedback`
 
 
 def installed_types() -> Typestore:
@@ -54,7 +57,9 @@ def message_class(type_name: str) -> Any:
     """The installed class of a type. Raises WireError."""
     package, kind, name = type_name.split("/")
     try:
-        return getattr(import_module(f"{package}.{kind}"), name)
+        module, action = import_module(f"{package}.{kind}"), name.removesuffix(_FEEDBACK)
+        found = getattr(module, action)
+        return found if action == name else found.Impl.FeedbackMessage
     except (ImportError, AttributeError) as error:
         expected = "a type that is installed here"
         raise WireError(type_name, expected, error, code="wire.unknown_type") from error
@@ -74,14 +79,24 @@ def to_cdr(store: Typestore, message: Any) -> bytes:
 
 @lru_cache(maxsize=64)
 def _definitions(package: str) -> tuple[tuple[str, str], ...]:
-    """Type and text of every message of a package, from the first prefix that has it."""
+    """Type and text of a package's messages and feedback, from the first prefix that has it."""
     prefixes = [*filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(":")), sys.prefix]
     for prefix in prefixes:
         folder = Path(prefix) / "share" / package / "msg"
         files = sorted(folder.glob("*.msg"))
-        if files:
-            return tuple((f"{package}/msg/{file.stem}", file.read_text()) for file in files)
+        actions = sorted(folder.with_name("action").glob("*.action"))
+        if files or actions:
+            messages = [(f"{package}/msg/{file.stem}", file.read_text()) for file in files]
+            return (*messages, *(part for file in actions for part in _feedback(package, file)))
     return ()
+
+
+def _feedback(package: str, file: Path) -> Iterator[tuple[str, str]]:
+    """The two messages of an action's feedback, of which ROS installs no .msg files."""
+    inner = f"{package}/msg/{file.stem}_Feedback"  # rosbags cannot write types of another folder
+    yield inner, re.split(r"^---\s*$", file.read_text(), flags=re.MULTILINE)[-1]
+    whole = f"unique_identifier_msgs/UUID goal_id\n{inner} feedback"
+    yield f"{package}/action/{file.stem}{_FEEDBACK}", whole
 
 
 def _converted(store: Typestore, type_name: str, message: Any) -> Any:

@@ -71,7 +71,7 @@ def _transform_entries(payload: bytes) -> dict[str, tuple[str, int, bytes]]:
             child, at = _text(body, at + COUNT.size, length)
             at += -at % 8
             numbers, at = body[at : at + POSE.size], at + POSE.size
-            entries[child] = parent, sec * NS + nanosec, numbers
+            entries[child.removeprefix("/")] = parent.removeprefix("/"), sec * NS + nanosec, numbers
     except struct.error:
         at = len(body) + 1
     if at > len(body):
@@ -147,7 +147,7 @@ def _measurement(
         expected = "a quaternion of length 1"
         raise WireError(f"{name}.orientation", expected, f"length {length}", code="wire.range")
     pose[3:] /= length
-    return parent, child, pose, stamp_ns
+    return parent.removeprefix("/"), child, pose, stamp_ns
 
 
 def decode_driver_joints(
@@ -156,8 +156,12 @@ def decode_driver_joints(
     """Positions [J] (rad), velocities [J] (rad/s) and the stamp (ns) of the named joints;
     None for a message about other joints. Raises WireError."""
     received = list(message.name)
-    if not set(names) <= set(received):
+    missing = [name for name in names if name not in received]
+    if len(missing) == len(names):
         return None
+    if missing:
+        expected = "all joints of the arm in one message"
+        raise WireError("joint_states.name", expected, f"none of {missing}", "wire.joint_names")
     twice = [name for name in names if received.count(name) > 1]
     if twice:
         raise WireError("joint_states.name", "each joint once", twice, code="wire.joint_names")
@@ -170,7 +174,8 @@ def decode_driver_joints(
 def _chosen(name: str, values: Sequence[float], order: Sequence[int], count: int) -> Float64:
     """Some entries of an array that may lack its last ones. Raises WireError."""
     if not max(order) < len(values) <= count:
-        raise WireError(name, f"{count} numbers, one for each name", len(values), code="wire.size")
+        received = len(values) or "none: does the driver publish them?"
+        raise WireError(name, f"{count} numbers, one for each name", received, code="wire.size")
     return read_array(name, [values[i] for i in order], np.float64, (len(order),), LARGEST)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from action_msgs.msg import GoalStatus, GoalStatusArray
 from simulation_interfaces.msg import Result
 from simulation_interfaces.srv import SetSimulationState
 
@@ -12,6 +13,7 @@ from msgs_schema import srv
 from pa_ros.wire import WireError
 from pa_ros.wire.fields import SharedFields, read_stamp, write_stamp
 
+GOING_ON = (GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING, GoalStatus.STATUS_CANCELING)
 SPEEDS = (0.01, 100.0)  # least and largest real-time factor
 
 
@@ -25,6 +27,11 @@ class ResetRequest:
     episode: int | None = None
     program: str = ""
     evaluation: bool = False
+
+
+def is_any_active(message: GoalStatusArray) -> bool:
+    """Whether an action server works on a goal of any client."""
+    return any(goal.status in GOING_ON for goal in message.status_list)
 
 
 @dataclass(frozen=True, slots=True)

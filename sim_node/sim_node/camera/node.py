@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -72,39 +71,25 @@ class CameraNode(ManagedNode):
         self._early: Message | None = None  # a picture of the next step
         self._waiting_since: float | None = None  # s; the newest step waits for its picture
         self._looked_at = time.monotonic()  # when the newest usable picture arrived, s
-        self._refused = ""  # why the arena, the camera or the newest picture is refused
         self._calibrated = False  # whether camera_info is that of the calibration
         self._out = self.advertise(topics.OBJECT_FEATURES.within(SEEN))
         self._info = self.advertise(topics.ARENA_INFO.within(SEEN))
         self._tracks = topics.CAMERA_TRACKS.publisher(self)
-        self.subscribe(topics.ARENA_INFO, self._noting(self._on_arena))
+        self.subscribe(topics.ARENA_INFO, self._on_arena)
         self.subscribe(topics.OBJECT_FEATURES, self._on_step)
-        self.subscribe(topics.CAMERA_INFO, self._noting(self._on_info))
-        self.subscribe(topics.CAMERA_IMAGE, self._noting(self._on_picture))
+        self.subscribe(topics.CAMERA_INFO, self._on_info)
+        self.subscribe(topics.CAMERA_IMAGE, self._on_picture)
         steady_timer(self, TICK_S, self._wait)
 
     def cleanup(self) -> None:
         if self._sight is not None:
             self._sight.close()
 
-    def _noting(self, take_in: Callable[[Message], None]) -> Callable[[Message], None]:
-        """Keep for the status why a message is refused."""
-
-        def noted(message: Message) -> None:
-            try:
-                take_in(message)
-            except PaError as error:
-                self._refused = str(error)
-                raise
-
-        return noted
-
     # The arena's steps
 
     def _on_arena(self, message: Message) -> None:
         arena = decode_arena_info(message)
         self._arenas.described(arena.arena_id, arena)
-        self._refused = ""
 
     def _see_for(self, arena: ArenaDescription) -> None:
         """Begin with another arena. PaError for one whose blocks have other properties, or with
@@ -146,7 +131,7 @@ class CameraNode(ManagedNode):
         self._steps.append(step)
         self._waiting_since = time.monotonic()
         if (early := self._early) is not None:
-            self._noting(self._on_picture)(early)
+            self._on_picture(early)
 
     def _wait(self) -> None:
         """Publish a step whose picture does not arrive in time: commands must not be late."""
@@ -202,7 +187,7 @@ class CameraNode(ManagedNode):
             return
         if why := sight.look([picture], of.observation.joint_position):
             raise PerceptionError(why, code="perception.picture")
-        self._looked_at, self._refused = time.monotonic(), ""
+        self._looked_at = time.monotonic()
         if of is self._steps[-1] and self._waiting_since is not None:
             self._publish(of)
         if self._tracks.get_subscription_count():
@@ -219,14 +204,12 @@ class CameraNode(ManagedNode):
         if self._arenas.fault:
             return ERROR, self._arenas.fault, {}
         if self._sight is None or not self._steps:
-            return WARN, self._refused or "waits for an arena (arena_info, object_features)", {}
+            return WARN, "waits for an arena (arena_info, object_features)", {}
         if self._age > self.config.timeout_s:
             names = f"{topics.CAMERA_IMAGE.name} and {topics.CAMERA_INFO.name}"
-            seen = f"the arm holds: expected {names}, got none for {self._age:.1f} s"
+            seen = f"the arm holds: expected {names}, got none of use for {self._age:.1f} s"
             if self._early is not None:
                 seen += f", or only some that are later than every step: {DO_CLOCKS_AGREE}"
-        else:
-            seen = f"sees {len(self._sight.tracker.tracks)} objects"
-            if not self._refused:
-                return OK, seen, {}
-        return WARN, f"{seen}; refused: {self._refused}" if self._refused else seen, {}
+            return WARN, seen, {}
+        level = WARN if self.refusals.newest else OK
+        return level, f"sees {len(self._sight.tracker.tracks)} objects", {}

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from pa_ros.arena import ArenaChoice, Kind
 from pa_ros.core.errors import ConfigError
@@ -20,6 +20,8 @@ from pa_ros.world.poses import IDENTITY
 Entry = TypeVar("Entry", bound=Settings)
 Offset = tuple[float, ...]  # empty, a position (m), or a position and a quaternion xyzw
 Place = tuple[float, float, float]
+# As tf2 does, names of frames drop the slash that ROS 1 put before them.
+Frame = Annotated[str, AfterValidator(lambda name: name.removeprefix("/"))]
 HAND = "hand"  # its name among the objects
 FARTHEST = 100.0  # m, of an offset
 
@@ -36,7 +38,7 @@ class Thing(Settings):
     """An object on the table: its words, and what measures its pose."""
 
     words: tuple[str, ...] = Field(description="one of each property group")
-    frame: str = Field("", description="tf frame of the object or of the tag on it")
+    frame: Frame = Field("", description="tf frame of the object or of the tag on it")
     detection: str = Field("", description="class in a vision_msgs/Detection3DArray")
     topic: str = Field("", description="of geometry_msgs/PoseStamped")
     offset: Offset = Field((), description="pose of the object's center in what is measured")
@@ -74,8 +76,8 @@ class RobotSettings(ArenaChoice):
     control: Literal["velocity", "joint_trajectory", "joint_jog"] = Field(
         "velocity", description="what the controller takes"
     )
-    base_frame: str = Field(description="tf frame of the arm's base, on the table, z up")
-    hand_frame: str = Field(description="tf frame of the hand")
+    base_frame: Frame = Field(description="tf frame of the arm's base, on the table, z up")
+    hand_frame: Frame = Field(description="tf frame of the hand")
     hand_offset: Offset = Field((), description="pose of the agent's hand in hand_frame")
     workspace: Workspace
     speed_scale: float = Field(0.3, gt=0, le=1, description="of the speeds the agent learned with")
