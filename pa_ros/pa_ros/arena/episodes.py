@@ -74,7 +74,8 @@ def generate(
     the table.
     """
     rng = np.random.default_rng([seed, RANDOM_STREAM, index])
-    draw = guarded(f"skill {design.skill_name}", design.skill.draw)
+    drawn = lambda episode, *_: isinstance(episode, Episode)  # noqa: E731
+    draw = guarded(f"skill {design.skill_name}", design.skill.draw, drawn, "an Episode")
     episode: Episode = draw(config, design, condition, index, rng)
     return episode
 

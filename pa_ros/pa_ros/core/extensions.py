@@ -93,7 +93,7 @@ def guarded(
             good = fits(result, *arguments)
         except PaError:
             raise
-        except Exception as error:  # custom code may raise anything
+        except (Exception, SystemExit) as error:  # custom code may raise anything
             raise fault(f"{type(error).__name__}: {error}") from error
         if not good:
             raise fault(repr(result)[:200])

@@ -100,8 +100,8 @@ def remove_older(root: Path, name: str) -> None:
     before = [path for path in others if path.name < name][-1:]
     unfinished = [path for path in root.glob(".version-*") if path.is_dir()]
     for path in (*others, *unfinished):
-        if path not in before:
-            shutil.rmtree(path)
+        if path not in before:  # what cannot be removed is no reason to end a run
+            shutil.rmtree(path, ignore_errors=True)
 
 
 def newest_whole(root: Path) -> tuple[Path, str]:

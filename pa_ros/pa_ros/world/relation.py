@@ -29,7 +29,8 @@ Place = Callable[[Float64, Float64, float], Float64]
 def _fits(measures: Any, first: Float64, second: Float64) -> bool:
     """Whether there is a number for each pair of poses."""
     shape = np.broadcast_shapes(first.shape[:-1], second.shape[:-1])
-    return np.shape(measures) == shape and not np.isnan(measures).any()
+    real = isinstance(measures, (np.ndarray, np.generic)) and measures.dtype.kind in "iuf"
+    return real and measures.shape == shape and not np.isnan(measures).any()
 
 
 @dataclass(frozen=True)

@@ -42,14 +42,15 @@ class VelocityRamp:
 class DeadReckoning:
     """Where joints are now: the last good measurement, moved on by what was sent since; rad [J].
 
-    While the arm is commanded, a measurement moves the estimate no faster than the joints can turn,
-    so one wrong measurement makes no jump.
+    While the arm is commanded, the estimate moves from one measurement to the next no faster than
+    the joints can turn, so one wrong measurement makes no jump.
     """
 
     def __init__(self, speed_limits: Sequence[float], lasts_s: float) -> None:
         """`speed_limits`: rad/s; `lasts_s`: how long the arm follows a command that stays alone."""
         self._speeds, self._lasts_s = np.array(speed_limits), lasts_s
         self.position = self.velocity = np.zeros(len(self._speeds))
+        self._before = self.position  # after the last measurement
         self._at_s, self._measured_s, self._sent_s = inf, -inf, -inf
         self._sent: deque[tuple[float, Float64]] = deque(maxlen=RECENT)  # when, and velocities
 
@@ -60,8 +61,9 @@ class DeadReckoning:
         reach = self._speeds * (now_s - self._measured_s if commanded else inf)
         ahead = position + self._moved(now_s - age_s, now_s)
         # A driver may count whole turns of a joint anew.
-        self.position = self.position + 2 * np.pi * np.round((ahead - self.position) / (2 * np.pi))
-        self.position = np.clip(ahead, self.position - reach, self.position + reach)
+        turns = 2 * np.pi * np.round((ahead - self.position) / (2 * np.pi))
+        before = self._before + turns
+        self.position = self._before = np.clip(ahead, before - reach, before + reach)
         self._measured_s = now_s
 
     def sent(self, velocity: Float64, now_s: float) -> None:
