@@ -83,8 +83,8 @@ def test_baselines_trains_and_scores_another_librarys_agent(capsys) -> None:
     (block,) = blocks_of("evaluation.md")
     assert sizes in block
     exec(block.replace(sizes, "FRAMES, EPISODES, SEED = 110, 1, 0"), {})
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == list(conditions_for(design_named("2-L")))
+    scored = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    assert [*scored, "compare"] == list(conditions_for(design_named("2-L")))
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
