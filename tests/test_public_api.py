@@ -41,7 +41,7 @@ def test_a_violated_goal_is_over_with_its_reason() -> None:
     assert (result.success, result.code) == (False, "goal.violated")
 
 
-def test_training_says_how_far_it_is(tmp_path, monkeypatch, capsys):
+def test_training_says_how_far_it_is(tmp_path: Path, monkeypatch: Any, capsys: Any) -> None:
     monkeypatch.setattr("pa_ros.cli.training_view.LINE_PERIOD_S", 0.0)
     pa_ros.train(out=tmp_path / "a", frames=200)
     lines = capsys.readouterr().out.splitlines()
