@@ -41,6 +41,17 @@ def test_a_violated_goal_is_over_with_its_reason() -> None:
     assert (result.success, result.code) == (False, "goal.violated")
 
 
+def test_training_says_how_far_it_is(tmp_path: Path, monkeypatch: Any, capsys: Any) -> None:
+    monkeypatch.setattr("pa_ros.cli.training_view.LINE_PERIOD_S", 0.0)
+    pa_ros.train(out=tmp_path / "a", frames=200)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.partition("  ")[0] for line in lines] == ["100 of 200 frames", "200 of 200 frames"]
+    told: list[tuple[int, float]] = []
+    pa_ros.train(out=tmp_path / "b", frames=200, progress=lambda *one: told.append(one))
+    assert capsys.readouterr().out == ""
+    assert [frames for frames, _ in told] == [100, 200] and all(-1 <= r <= 1 for _, r in told)
+
+
 def test_what_cannot_be_executed_is_rejected() -> None:
     arena, agent = pa_ros.make_arena(seed=2), pa_ros.load()
     with pytest.raises(ProgramError, match="did you mean CUBE"):

@@ -26,7 +26,8 @@ docs/starting.md has more; `pa_ros --help` lists the commands.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -79,18 +80,22 @@ def train(
     preset: str = "",
     resume: bool = False,
     evaluate_every: int = 10_000,
+    progress: Callable[[int, float], object] | None = None,
     **settings: Any,
 ) -> TrainedAgent:
     """Train an agent as `pa_ros train` does, and return it; `out` is a new folder for all results.
 
     The same seed gives the same weights. `preset` is as in `make_arena`. `evaluate_every` is the
-    number of frames between two rows of scores in OUT/progress.csv. `settings` are other ones by
+    number of frames between two rows of scores in OUT/progress.csv. `progress` is called after each
+    episode with the frames so far and the episode's reward per step; without it, lines are printed
+    that say how far the training is. `settings` are other ones by
     their dotted names, such as `**{"learner.updates.discount": 0.9}`, `algorithm="td3"`,
     `recipe="paper"`. Raises ConfigError for settings that cannot be, CheckpointError if `out`
     contains a run and `resume` is false.
     """
     from pa_ros.agents import train_agent
     from pa_ros.arena import ArenaChoice
+    from pa_ros.cli.training_view import Telling, TrainingView
     from pa_ros.learning.config import TrainConfig
     from pa_ros.learning.recipes import LearningSettings, recipe_for
 
@@ -101,7 +106,9 @@ def train(
     config = TrainConfig(
         out=Path(out), seed=seed, frames=frames, evaluate_every_frames=evaluate_every
     )
-    train_agent(chosen.arena_config(), blocks, learning, config, resume=resume)
+    watcher = Telling(progress) if progress else TrainingView(frames)
+    with watcher if isinstance(watcher, TrainingView) else nullcontext():
+        train_agent(chosen.arena_config(), blocks, learning, config, resume=resume, watcher=watcher)
     return load(Path(out).resolve())
 
 

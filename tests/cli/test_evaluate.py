@@ -57,7 +57,20 @@ def test_comparisons_are_executed_without_training(tmp_path, capsys):
     assert "ST(" in capsys.readouterr().out  # as all comparisons end
 
 
+def test_programs_of_ones_own_are_scored(tmp_path, capsys):
+    report = tmp_path / "eval.json"
+    asked = ["NEAR(HAND, SPHERE)", "NEAR(HAND, AND(NOT(RED), CUBE))"]
+    arguments = ["eval", "--checkpoint", "shipped:3-D", "--program", *asked, "--episodes", "2"]
+    assert main([*arguments, "--json", str(report)]) == 0
+    rows = capsys.readouterr().out.splitlines()
+    assert [row.partition(": 2 episodes")[0] for row in rows[:2]] == asked
+    figures = json.loads(report.read_text())
+    assert figures["eval.success_rate"] == 1.0 and figures["eval.reward_per_step"] > 0.5
+
+
 @pytest.mark.parametrize(("asked", "said"), [
+    ("--policy scripted --design 3-D --program NEAR(HAND,RED)", "--program: needs --checkpoint"),
+    ("--checkpoint shipped:3-D --program NEAR(HAND,RED) --layouts own", "without --program"),
     ("--policy scripted --design 3-D --judge agent", "--judge: needs --checkpoint"),
     ("--policy scripted --design 3-D --pictures hard", "--pictures: needs --checkpoint"),
     ("--checkpoint shipped:3-D --pictures hard", "--pictures: needs an agent that sees"),

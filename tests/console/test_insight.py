@@ -18,7 +18,7 @@ from pa_ros.console.history import History
 from pa_ros.console.moment import Moment
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import PolicySnapshot, PublishedPolicy, Step, Verdict
-from pa_ros.language import MIN_MAX, PRODUCT, parse, relevance
+from pa_ros.language import MIN_MAX, PRODUCT, parse, parse_goal, relevance
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.learning.recipes import LearningSettings
 from pa_ros.networks.parameters import initial_actor
@@ -32,6 +32,12 @@ from pa_ros.wire.program import ProgramStatus
 
 SNAPSHOT = load_policy(Path("shipped:3-D"))
 VOCABULARY = design_named("3-D").vocabulary
+
+
+def read(text: str) -> str:
+    return str(parse_goal(text, VOCABULARY))
+
+
 TASK = ReachTask(preset_named("fast"), design_named("3-D"), 2)
 OBSERVATION, _ = TASK.reset(0, "train")
 
@@ -102,6 +108,17 @@ def test_a_moment_without_explanation_says_why():
     assert found is None and "unknown word" in why
 
 
+def test_a_comparison_has_a_row_with_what_it_chooses():
+    found, _ = explained(Insight(SNAPSHOT), OBSERVATION, "NEAR(HAND, LEFTMOST(RED))", VOCABULARY)
+    assert found is not None
+    comparison, among = found.tree
+    assert (comparison.text, comparison.depth) == ("LEFTMOST", 0)
+    assert (among.text, among.depth) == ("RED", 1)
+    chosen = comparison.degrees > 0.5
+    assert chosen.sum() == 1 < (among.degrees > 0.5).sum()
+    assert comparison.degrees[chosen] == among.degrees[chosen]
+
+
 @pytest.mark.parametrize("text", ["", "NEAR(HAND, RED)"])
 def test_tables_have_a_row_for_each_word_and_node(text):
     arena = describe(preset_named("fast"), design_named("3-D"), 2, (), "arena")
@@ -126,7 +143,7 @@ def test_a_goal_over_time_is_explained_by_the_program_that_is_pursued():
     moment = Moment(arena, at(text, stage=1), -1.0, found, why)
     shown = markup.state(moment)
     assert "stage 2 of 2" in shown and "at most 0.20 m is wanted" in shown
-    assert "THEN" in markup.reading(text, VOCABULARY)
+    assert "THEN" in markup.reading(text, read)
     assert markup.completions("TH", VOCABULARY) == ("THEN(",)
 
 
@@ -178,13 +195,13 @@ def test_html_is_shown_as_text():
     history = History()
     history.add("id", HTML)
     history.add_status(ProgramStatus("id", HTML, True))
-    for shown in (history.html(), markup.reading(HTML, VOCABULARY), markup.quiet(HTML)):
+    for shown in (history.html(), markup.reading(HTML, read), markup.quiet(HTML)):
         assert "<img" not in shown
     assert "&lt;img" in history.html()
 
 
 def test_the_caret_is_under_the_wrong_word():
-    shown = markup.reading("NEAR(HAND, AND(RDE, CUBE))", VOCABULARY)
+    shown = markup.reading("NEAR(HAND, AND(RDE, CUBE))", read)
     text, caret = shown.rpartition("<pre")[2].partition(">")[2].splitlines()
     assert text.index("RDE") == caret.index("^") and "did you mean RED?" in shown
 

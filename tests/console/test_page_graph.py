@@ -17,6 +17,7 @@ from pa_ros.ros.environment import ros_arguments
 
 pytestmark = [pytest.mark.graph, pytest.mark.browser, pytest.mark.timeout(900)]
 MS = 1000 * DEADLINE_S
+LONG = "NEAR(HAND, OR(AND(RED, CUBE), AND(GREEN, CUBE), SPHERE))"
 
 
 @contextmanager
@@ -110,10 +111,19 @@ def a_program_is_typed_and_followed(page):
     assert typed.index("RDE") == caret.index("^")
     text.press("Enter")
     table(page, "History").filter(has_text="rejected: column 16").wait_for()
+    enter(page, f"THEN(NEAR(HAND, LEFTMOST(GREEN)), AVOID(RED, {LONG}))")
+    table(page, "Rejected").filter(has_text="nothing can be avoided").wait_for()
+    enter(page, f"THEN(NEAR(HAND, LEFTMOST(GREEN)), THEN({LONG}, {LONG}))")
+    text.press("Enter")
+    reached = re.compile(r"^\s*THEN.*satisfied after")
+    table(page, "History").filter(has_text=reached).wait_for()
+    history = table(page, "History").bounding_box()
+    assert history["width"] < 400 and history["height"] < 250
     enter(page, "NEAR(HAND, AND(RED, CUBE))")  # held out in 3-D
     table(page, "A program").filter(has_text="AND(RED, CUBE)").wait_for()
     text.press("Enter")
-    table(page, "History").filter(has_text="satisfied after").first.wait_for()
+    reached = re.compile(r"^\s*NEAR\(HAND, AND\(RED, CUBE\)\)\s*satisfied after")
+    table(page, "History").filter(has_text=reached).wait_for()
     assert "most relevant: RED CUBE" in page.get_by_text("most relevant").inner_text()
     shot(page, "console-satisfied")
 
@@ -121,6 +131,8 @@ def a_program_is_typed_and_followed(page):
 def the_arena_is_paused_stepped_and_reset(page):
     press(page, "Pause")
     page.get_by_text("pause: done").wait_for()
+    table(page, "State").filter(has_text=re.compile(r" s, paused\b")).wait_for()
+    table(page, "Alarms").filter(has_text=re.compile(r"alarms\s*none")).wait_for()
     time.sleep(1.0)  # until the last step is drawn
     paused_at = step_of(page)
     press(page, "Step")

@@ -3,9 +3,12 @@
 import gc
 import socket
 import weakref
+from typing import Any
 
 import numpy as np
 import pytest
+
+from helpers.waiting import DEADLINE_S
 
 pytest.importorskip("viser", reason="the extra `console` is not installed")
 from pa_ros.arena import ReachTask, design_named, preset_named
@@ -40,6 +43,25 @@ def test_each_start_has_a_new_token(capsys):
         assert one.viser.get_host() == "127.0.0.1"
         assert one.viser.request_share_url() is None
     assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize(("host", "served"), [("{}", True), ("example.com", False)])
+def test_a_page_from_elsewhere_reads_nothing(host, served):
+    """Any page that a browser on this machine shows may connect; it says where it is from."""
+    import viser
+    from websockets.exceptions import ConnectionClosedError
+    from websockets.sync.client import connect
+
+    with ConsoleServer(ConsoleSettings(port=0)) as server:
+        here = f"127.0.0.1:{server.viser.get_port()}"
+        headers: Any = {"origin": f"http://{host.format(here)}"}
+        headers |= {"subprotocols": [f"viser-v{viser.__version__}"]}
+        with connect(f"ws://{here}/", **headers) as page:
+            if served:
+                assert page.recv(timeout=DEADLINE_S)
+            else:
+                with pytest.raises(ConnectionClosedError, match="expected a page of this server"):
+                    page.recv(timeout=DEADLINE_S)
 
 
 def test_a_wrong_namespace_is_rejected(capsys):

@@ -1,5 +1,6 @@
 """Links of the docs lead somewhere, and code blocks run as they are written."""
 
+import json
 import re
 from pathlib import Path
 
@@ -83,8 +84,16 @@ def test_baselines_trains_and_scores_another_librarys_agent(capsys) -> None:
     (block,) = blocks_of("evaluation.md")
     assert sizes in block
     exec(block.replace(sizes, "FRAMES, EPISODES, SEED = 110, 1, 0"), {})
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == list(conditions_for(design_named("2-L")))
+    scored = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    assert [*scored, "compare"] == list(conditions_for(design_named("2-L")))
+
+
+def test_the_notebook_is_read_with_its_outputs_and_without_paths():
+    text = (DOCS / "tour.ipynb").read_text()
+    code = [cell for cell in json.loads(text)["cells"] if cell["cell_type"] == "code"]
+    assert [cell["execution_count"] for cell in code] == list(range(1, 1 + len(code)))
+    assert all(cell["outputs"] for cell in code) and text.count("image/png") == 4
+    assert len(text) < 80_000 and not re.search(r"/(tmp|home|root|work)\b", text)
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")

@@ -72,9 +72,9 @@ def test_a_refusal_is_remembered_until_a_message_of_its_topic_is_accepted(refusa
     said = [("tf", "no frame"), ("joints", "no velocities")]
     joints("good")  # of another publisher, while the bad ones go on
     assert refusals.newest == said
+    tf("good")
     clock.now += KEPT_S
-    tf("no frame")
-    joints("good")
+    tf("no frame\nwith a place")
     assert refusals.newest == said[:1]
 
 

@@ -8,6 +8,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from PIL import Image, ImageSequence
 
+from helpers.pictures import opengl
 from helpers.processes import processes_of
 from pa_ros.agents import load_agent
 from pa_ros.arena import ReachTask, design_named, preset_named, training_programs
@@ -102,6 +103,21 @@ def test_a_film_shows_the_goal_of_a_condition_until_it_holds(tmp_path, capsys) -
     with Image.open(path) as film:
         shown = sum(1 for _ in ImageSequence.Iterator(film))
     assert 1 < shown <= int(said.split()[0]) < 200  # equal pictures are stored once
+
+
+def test_a_film_shows_a_program_of_ones_own_in_perspective_if_it_can(tmp_path, capsys) -> None:
+    opengl()
+    path, program = tmp_path / "own.gif", "THEN(NEAR(HAND, SPHERE), NEAR(HAND, BLUE))"
+    arguments = ["film", "--program", program, "--width", "64", "--out", str(path)]
+    assert main(arguments) == 0
+    assert capsys.readouterr().out.endswith("not reached: none\n")
+    with Image.open(path) as film:
+        width, height = film.size
+    assert main([*arguments, "--no-rendered"]) == 0
+    with Image.open(path) as film:
+        assert film.size == (width, height + width // 4)  # from above it is a square
+    assert main(["film", "--program", "NEAR(HAND, AND(RED, GREEN))", *arguments[3:]]) == 2
+    assert "expected a design with a scene for it" in capsys.readouterr().err
 
 
 def test_an_unknown_condition_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -23,6 +23,7 @@ from pa_ros.tools.launch_params import (
     new_folder,
     packaged,
     packaged_names,
+    preferred,
     seeing,
     write_parameters,
 )
@@ -49,6 +50,25 @@ def test_named_nodes_are_started_with_common_and_own_parameters(tmp_path):
         "sim_node": {"seed": 4, "design": "2-L"},
         "agent_node": {"seed": 3, "design": "2-L"},
     }
+
+
+def test_what_people_try_first_changes_the_files_agent_design_and_seed():
+    executing, learning = (load_parameters(packaged(name)) for name in (DEFAULT, "train_2l"))
+    pushing = preferred(executing, None, "push-3D", None)
+    assert pushing["agent_node"]["checkpoint"] == "shipped:push"
+    assert pushing["sim_node"]["preset"] == "push" and pushing["sim_node"]["mode"] == "real_time"
+    other = preferred(executing, "shipped:2-L", None, 7)
+    assert other["sim_node"]["design"] == "2-L"
+    assert {values["seed"] for values in other.values()} == {7}
+    taught = preferred(learning, None, "3-D", 7)
+    assert taught["sim_node"]["design"] == "3-D" and "checkpoint" not in taught["agent_node"]
+    assert {values["seed"] for values in taught.values()} == {7}
+    with pytest.raises(ConfigError, match="without a learner_node"):
+        preferred(learning, "shipped:2-L", None, None)
+    with pytest.raises(ConfigError, match="2-L, 3-D, .*got '3-C': name your agent by --checkpoint"):
+        preferred(executing, None, "3-C", None)
+    with pytest.raises(ConfigError, match="expected a file with one arena"):
+        preferred(fleet(executing, 2), None, None, 7)
 
 
 @pytest.mark.parametrize("name", ["execute_3d", "execute_avoid", "execute_push"])

@@ -61,6 +61,14 @@ def test_silence_is_an_alarm():
     assert "/sim_node: silent for 6 s" in dict(figures.rows())["alarms"]
 
 
+def test_who_waits_for_a_paused_arena_gives_no_alarm():
+    figures = GraphFigures(Clock())
+    waiting = [Health(f"/{arena}/agent_node", 1, "waits") for arena in "ab"]
+    pausing = [Health("/a/sim_node", 0, "", {"paused": "true"}), Health("/b/sim_node")]
+    figures.take([*waiting, *pausing, Health("/a/learner_node", 2, "broken")])
+    assert dict(figures.rows())["alarms"] == "/a/learner_node: broken; /b/agent_node: waits"
+
+
 class Terminal(io.StringIO):
     def isatty(self) -> bool:
         return True
@@ -111,7 +119,7 @@ def test_numbers_that_are_not_finite_are_ignored(number):
 def test_nodes_of_other_namespaces_are_left_out() -> None:
     node, figures, heard = Mock(), GraphFigures(), []
     node.get_namespace.return_value = "/left"
-    node.create_subscription = lambda _, name, callback, *rest: heard.append(callback)
+    node.create_subscription = lambda _, name, to, *_rest, **_how: heard.append(to)
     watch_diagnostics(node, figures)
     for where, frames in (("/left", "1000"), ("/right", "90000")):
         health = Health(f"{where}/learner_node", values={"frames": frames})

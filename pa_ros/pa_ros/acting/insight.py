@@ -91,8 +91,12 @@ class Insight:
         hand = np.arange(phi.shape[1]) == observation.hand_index
         values[HAND.name] = hand.astype(np.float64)
         # Nobody needs an explanation of the hand, so the tree is that of the target alone.
-        nouns = program.nouns
-        tree = tuple(node for one in nouns for node in _nodes(one, values.__getitem__, self._logic))
+        tree = tuple(
+            node
+            for one, comparison in zip(program.sets, program.chosen, strict=True)
+            if one != HAND
+            for node in _argument(one, comparison, values.__getitem__, self._logic, p)
+        )
         return Explanation(self._version, labels, words, phi, p, tree)
 
 
@@ -120,6 +124,16 @@ def explained(
         return insight.explain(observation, programs[min(stage, len(programs) - 1)]), ""
     except PaError as error:
         return None, str(error).partition("\n")[0]
+
+
+def _argument(
+    expression: Expression, comparison: str, value: Any, logic: Logic, p: Float64
+) -> Iterator[Node]:
+    """The nodes of an argument; its comparison leaves the degrees of what it chooses."""
+    if comparison:
+        degrees = np.asarray(degree(expression, value, logic))
+        yield Node(0, comparison, np.minimum(degrees, p))
+    yield from _nodes(expression, value, logic, 1 if comparison else 0)
 
 
 def _nodes(expression: Expression, value: Any, logic: Logic, depth: int = 0) -> Iterator[Node]:

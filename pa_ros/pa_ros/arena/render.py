@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from contextlib import closing
+from contextlib import closing, suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pa_ros.arena.camera import CLOSE, Camera, Pictures
+from pa_ros.arena.errors import RenderError
 from pa_ros.arena.model import TABLE_SIDE_M
 from pa_ros.arena.references import nearest_pair
 from pa_ros.arena.task import ReachTask
@@ -17,9 +18,15 @@ from pa_ros.world.relation import RELATIONS
 _INCH_PX = 100
 
 
-def draw(task: ReachTask, width: int, rendered: bool) -> NDArray[np.uint8]:
+def draw(task: ReachTask, width: int, rendered: bool | None = None) -> NDArray[np.uint8]:
     """A picture of the current scene: in perspective with a ring around each named object, [3/4
-    width, width, 3] RGB (RenderError without OpenGL), or from above, [width, width, 3]."""
+    width, width, 3] RGB (RenderError without OpenGL), or from above, [width, width, 3].
+
+    :param rendered: None: in perspective if there is OpenGL.
+    """
+    if rendered is None:
+        with suppress(RenderError):
+            return draw(task, width, rendered=True)
     if not rendered:
         return top_view(task, width)
     size, looks = (width, width * 3 // 4), Pictures(shadows=True)

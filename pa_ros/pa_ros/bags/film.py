@@ -94,11 +94,15 @@ def looks(seen: Observation) -> bytes:
 
 
 def film(
-    episode: RecordedEpisode, arena: ArenaDescription, path: Path, rendered: bool, side_px: int
+    episode: RecordedEpisode,
+    arena: ArenaDescription,
+    path: Path,
+    rendered: bool | None,
+    side_px: int,
 ) -> int:
     """Write a WebP, GIF or MP4 at the speed of the arena. Returns its number of pictures.
 
-    `rendered`: in perspective instead of from above. Raises RenderError without OpenGL.
+    `rendered` is as in `draw`. Raises RenderError if it is true and there is no OpenGL.
     """
     check_movie(path)
     scene = RecordedScene(arena, episode.rows[0].step)
@@ -107,7 +111,7 @@ def film(
 
 
 def _pictures(
-    episode: RecordedEpisode, scene: RecordedScene, rendered: bool, side_px: int
+    episode: RecordedEpisode, scene: RecordedScene, rendered: bool | None, side_px: int
 ) -> Iterator[Picture]:
     for row in episode.rows:
         scene.show(row.step)

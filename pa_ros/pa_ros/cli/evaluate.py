@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from math import isnan
 from pathlib import Path
@@ -25,8 +26,10 @@ from pa_ros.evaluation.evaluate import (
     AgentPolicy,
     Evaluation,
     EvaluationConfig,
+    ProgramRow,
     by_program,
     evaluate,
+    evaluate_programs,
     goal_ends,
     layouts_seed,
 )
@@ -40,16 +43,17 @@ ALL, FINITE = "all", "finite"  # all conditions; those of `arena.formulas`
 ITS_OWN = "the design's"
 CHECKPOINT, POLICY, ONE = "--checkpoint", "--policy", "one condition"
 SEES, AVOIDS = "an agent that sees", "a design that avoids, such as 3-D-avoid"
+DRAWN = "the condition's own programs, without --program"
 UNSHARED = f"another condition than {FINITE}"
 NEEDS = {
     f"condition {ALL}": (CHECKPOINT,),
     f"condition {RANDOM_WEIGHTS}": (CHECKPOINT,),
     f"condition {FINITE}": (AVOIDS,),
     "relations": (POLICY,),  # a checkpoint has its own
-    "layouts": (UNSHARED,),
+    "layouts": (UNSHARED, DRAWN),
     "logic": (CHECKPOINT,),
-    "judge": (CHECKPOINT, ONE),
-    "pictures": (CHECKPOINT, ONE, SEES),
+    "judge": (CHECKPOINT, ONE, DRAWN),
+    "pictures": (CHECKPOINT, ONE, SEES, DRAWN),
 }
 """What an option, or one of its values, cannot do without."""
 
@@ -90,6 +94,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="train, eval, only-color, … (docs/evaluation.md), `random` for random weights, "
         "`all` for all of them, `finite` for all with formulas (%(default)s)",
     )
+    parser.add_argument(
+        "--program", nargs="+", metavar="TEXT",
+        help="score these programs alone, in scenes of the condition in which they can hold",
+    )  # fmt: skip
     names = ("pictures", "episodes", "seed", "layouts", "logic", "judge")
     add_settings(parser, EvaluationConfig, *names)
     parser.add_argument("--json", type=file_to_write, help="also write the figures to this file")
@@ -99,7 +107,9 @@ def run(options: argparse.Namespace) -> int:
     """Evaluate, print one row per program (or per condition) and the figures."""
     subject = _subject(options)
     _check_needs(options, subject)
-    if options.condition == ALL:
+    if options.program:
+        report = _programs(subject, options)
+    elif options.condition == ALL:
         report = _all_conditions(subject, options)
     elif options.condition == FINITE:
         report = _formulas(subject, options)
@@ -126,6 +136,7 @@ def _check_needs(options: argparse.Namespace, subject: Subject) -> None:
         CHECKPOINT: options.checkpoint is not None,
         POLICY: options.policy is not None,
         ONE: options.condition not in (ALL, FINITE),
+        DRAWN: not options.program,
         UNSHARED: options.condition != FINITE,
         SEES: bool(subject.perception),
         AVOIDS: {*FORMULAS} <= {*conditions_for(subject.design)},
@@ -160,16 +171,37 @@ def _one_condition(subject: Subject, drawn_from: str, options: argparse.Namespac
     if subject.agent is not None and (decides or chain):
         judgement = Judgement(Actor.of(subject.agent.snapshot, subject.agent.logic), decides)
     evaluation = _scored(subject, drawn_from, options, judgement)
-    for row in by_program(evaluation):
-        count = f"{row.episodes} episode{'s' * (row.episodes > 1)}"
-        print(f"{row.program}: {count}, {row.reward_per_step:+.3f} per step, "
-              f"{row.success_rate:.0%} near at the end")  # fmt: skip
+    _print_rows(by_program(evaluation))
     return {
         **figures(evaluation),
         **_ends(evaluation, subject.design),
         **({} if judgement is None else judgement.report()),
         "eval.condition": options.condition,
         "eval.pictures": options.pictures,
+    }
+
+
+def _print_rows(rows: Sequence[ProgramRow]) -> None:
+    for row in rows:
+        count = f"{row.episodes} episode{'s' * (row.episodes > 1)}"
+        print(f"{row.program}: {count}, {row.reward_per_step:+.3f} per step, "
+              f"{row.success_rate:.0%} near at the end")  # fmt: skip
+
+
+def _programs(subject: Subject, options: argparse.Namespace) -> Report:
+    """A row for each program that was asked for, and the means of all."""
+    subject, drawn_from = subject.under(options.condition, options.seed)
+    if subject.agent is None:
+        raise ConfigError(f"--program: needs {CHECKPOINT}")
+    rows = evaluate_programs(
+        subject.arena, subject.design, subject.agent.policy, options.program, options.episodes,
+        drawn_from, subject.perception, options.seed,
+    )  # fmt: skip
+    _print_rows(rows)
+    return {
+        "eval.condition": options.condition,
+        "eval.reward_per_step": float(np.mean([row.reward_per_step for row in rows])),
+        "eval.success_rate": float(np.mean([row.success_rate for row in rows])),
     }
 
 

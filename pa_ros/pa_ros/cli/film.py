@@ -32,12 +32,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="",
         help="show the goal of its first episode, instead of six programs",
     )
+    parser.add_argument("--program", default="", help="show this program, or goal over time")
     add_look(parser)
 
 
 def add_look(parser: argparse.ArgumentParser) -> None:
     """Declare the options of how films look."""
-    parser.add_argument("--rendered", action="store_true", help="in perspective; needs OpenGL")
+    parser.add_argument(
+        "--rendered", action=argparse.BooleanOptionalAction,
+        help="in perspective, or from above (default: in perspective if there is OpenGL)",
+    )  # fmt: skip
     add_setting(parser, FilmOptions, "width", metavar="PIXELS")
 
 
@@ -48,7 +52,8 @@ def run(options: argparse.Namespace) -> int:
 
     agent = load_agent(options.checkpoint)
     count, missed = film_execution(
-        agent, options.out, options.seed, options.width, options.rendered, options.condition
-    )
+        agent, options.out, options.seed, options.width, options.rendered, options.condition,
+        options.program,
+    )  # fmt: skip
     print(f"{count} pictures in {options.out}; not reached: {', '.join(missed) or 'none'}")
     return 0

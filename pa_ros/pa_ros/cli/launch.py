@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import get_args
 
 from pa_ros.acting.config import Schedule
+from pa_ros.arena import ArenaChoice
 from pa_ros.bags.writer import refuse_existing
 from pa_ros.cli.console import page_beside
-from pa_ros.cli.options import folder_to_write
+from pa_ros.cli.options import add_setting, folder_to_write
 from pa_ros.core.signals import signals_noted
+from pa_ros.learning.config import TrainConfig
 from pa_ros.perception import VIEWS
 from pa_ros.tools.client import client_node
 from pa_ros.tools.graph import refuse_running, start_nodes, watch
@@ -27,6 +29,7 @@ from pa_ros.tools.launch_params import (
     load_parameters,
     new_folder,
     packaged_names,
+    preferred,
     seeing,
 )
 from pa_ros.tools.launcher import ChildError, Supervisor, status_text, tail
@@ -46,6 +49,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="ROS parameters; each node that it names is started. Or one that is packaged: "
         f"{', '.join(packaged_names())} (default: execute programs with the shipped 3-D agent)",
     )  # fmt: skip
+    parser.add_argument(
+        "--checkpoint", metavar="DIR", help="let this agent act, in an arena like that of its "
+        "training: the folder of a run, or shipped:NAME (default: the file's)",
+    )  # fmt: skip
+    add_setting(parser, ArenaChoice, "design", otherwise="the file's, or the checkpoint's")
+    add_setting(parser, TrainConfig, "seed", otherwise="the file's")
     parser.add_argument(
         "--perception", choices=VIEWS,
         help="let the arena see its blocks through cameras. Agents that learn get a new one, above "
@@ -87,6 +96,7 @@ def run(options: argparse.Namespace) -> int:
     if options.record is not None:
         refuse_existing(options.record)
     wanted = load_parameters(chosen(options.params))
+    wanted = preferred(wanted, options.checkpoint, options.design, options.seed)
     if options.perception is not None:
         wanted = seeing(wanted, options.perception)
     if options.arenas is not None:

@@ -6,7 +6,7 @@ import math
 import sys
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from statistics import fmean
 from typing import TextIO
@@ -21,6 +21,19 @@ LINE_PERIOD_S = 5.0  # of lines without a terminal
 REFRESH_S = 0.2  # of the line in a terminal
 RECENT = 20  # episodes
 NONE = "–"
+
+
+@dataclass(frozen=True)
+class Telling:
+    """A watcher that calls a function after each episode: with frames and reward per step."""
+
+    tell: Callable[[int, float], object]
+
+    def episode(self, frames: int, steps: int, reward: float) -> None:
+        self.tell(frames, reward)
+
+    def row(self, row: Mapping[str, float]) -> None:
+        """Nothing: progress.csv has it."""
 
 
 @dataclass(frozen=True)

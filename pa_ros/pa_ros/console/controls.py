@@ -76,7 +76,7 @@ class Controls:
             if vocabulary is None:
                 reading.content = markup.quiet("no arena is known yet")
                 return
-            reading.content = markup.reading(text.value, vocabulary)
+            reading.content = markup.reading(text.value, self._live.read)
             found = markup.completions(text.value, vocabulary)
             words.visible = bool(found)
             if found:

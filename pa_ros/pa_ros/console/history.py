@@ -85,4 +85,4 @@ class History:
         """A table with a row for each program."""
         if not self.entries:
             return markup.quiet("no program was sent from this page yet")
-        return markup.pairs(((entry.text, entry.outcome) for entry in self.entries), "History")
+        return markup.history((entry.text, entry.outcome) for entry in self.entries)

@@ -93,6 +93,18 @@ class LiveConsole:
         for arm in self._arms.values():
             arm.close()
 
+    def read(self, text: str) -> str:
+        """The canonical form of a program. Raises PaError for one that this agent cannot execute
+        here."""
+        if self.vocabulary is None:
+            raise ConsoleError("no arena is known yet")
+        goal = parse_goal(text, self.vocabulary)
+        self._weights.check(goal)
+        if self._moment is not None:
+            seen = self._moment.observation
+            self._moment.arena.world.require_possible(goal, seen.objects, seen.hand_index)
+        return str(goal)
+
     def send(self, text: str) -> None:
         """Send a program."""
         self._todo.put(lambda: self._send(text))
@@ -170,6 +182,7 @@ class LiveConsole:
             self._weights.close()
         self._namespace = namespace.strip("/")
         self._arena: ArenaDescription | None = None
+        self._moment: Moment | None = None  # the newest that was drawn
         self.vocabulary, self.examples, self.speed = None, (), None
         self._weights = AgentWeights(self._node, self._namespace, self._refusals)
         self._open = [
@@ -210,9 +223,7 @@ class LiveConsole:
         """Publish a program; a text that is none is only noted in the history."""
         program_id = f"console-{os.getpid()}-{next(self._serial)}"
         try:
-            if self.vocabulary is None:
-                raise ConsoleError("no arena is known yet")
-            program = str(parse_goal(text, self.vocabulary))
+            program = self.read(text)
         except PaError as error:
             self._history.add(program_id, text, note=str(error).partition("\n")[0])
             return
@@ -232,6 +243,8 @@ class LiveConsole:
             self._page.set_panel("State", markup.quiet(f"no arena in the namespace {where} yet"))
             return
         if not messages:
+            if self._moment is not None:
+                self._page.show_state(self._moment, self._time_runs())
             return
         try:
             sizes = arena.world.joints, arena.world.object_features
@@ -244,8 +257,16 @@ class LiveConsole:
         asked = newest.observation, newest.program, vocabulary, newest.stage
         explanation, why = explained(self._weights.insight, *asked)
         reward = newest.verdict.reward if newest.verdict is not None else nan
-        moment = Moment(arena, newest, reward, explanation, self._weights.why or why)
-        factor = self._figures.value(f"/{self._namespace}/sim_node".replace("//", "/"), RATE)
-        self.speed = factor if arena.mode is Mode.REAL_TIME else None
-        self._page.show(moment, "" if factor is None else f", {factor:.1f} times real time")
+        self._moment = moment = Moment(arena, newest, reward, explanation, self._weights.why or why)
+        self._page.show(moment, self._time_runs())
         self.examples = moment.programs
+
+    def _time_runs(self) -> str:
+        """How fast the arena's time passes, in words; also sets `speed`."""
+        node = f"/{self._namespace}/sim_node".replace("//", "/")
+        if self._figures.is_paused(node):
+            return ", paused"
+        factor = self._figures.value(node, RATE)
+        real_time = self._arena is not None and self._arena.mode is Mode.REAL_TIME
+        self.speed = factor if real_time else None
+        return "" if factor is None else f", {factor:.1f} times real time"

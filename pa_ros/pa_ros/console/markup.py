@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from html import escape
 
 from pa_ros.acting.insight import Explanation
 from pa_ros.console.moment import Moment
 from pa_ros.core.errors import PaError
-from pa_ros.language import Vocabulary, parse_goal
+from pa_ros.language import Vocabulary
 from pa_ros.language.parser import OPERATORS, OVER_TIME
 from pa_ros.world.relation import at_stage, measured
 
@@ -117,17 +117,32 @@ def pairs(rows: Iterable[tuple[str, str]], label: str) -> str:
     return table((), cells, label)
 
 
-def reading(text: str, vocabulary: Vocabulary) -> str:
-    """The canonical form of a typed program, or where it is wrong."""
+def reading(text: str, read: Callable[[str], str]) -> str:
+    """The canonical form of a typed program, or where it is wrong.
+
+    :param read: returns the canonical form. Raises PaError for a program that can't be executed.
+    """
     if not text.strip():
         return quiet("type a program, or choose an example")
     try:
-        canonical = str(parse_goal(text, vocabulary))
+        canonical = read(text)
     except PaError as error:
         message, _, excerpt = str(error).partition("\n")
         below = _block(escape(excerpt), "#c33", "Where") if len(text) <= SHOWN else ""
         return _block(text_of(message), "#c33", "Rejected", "pre-wrap") + below
-    return _block(text_of(f"✓ {canonical}"), "#282", "A program")
+    return _block(text_of(f"✓ {canonical}"), "#282", "A program", "pre-wrap")
+
+
+def history(entries: Iterable[tuple[str, str]]) -> str:
+    """Programs, each above what became of it: side by side a long one would leave no room."""
+    cells = (
+        [
+            f'<td style="{_LEFT}white-space:normal;overflow-wrap:anywhere">{text_of(program)}<br>'
+            f'<span style="opacity:.7">{text_of(outcome)}</span></td>'
+        ]
+        for program, outcome in entries
+    )
+    return table((), cells, "History")
 
 
 def completions(text: str, vocabulary: Vocabulary) -> tuple[str, ...]:

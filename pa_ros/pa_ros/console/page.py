@@ -58,6 +58,10 @@ class Page:
         self.set_panel("Why", markup.tree(moment, self.scene.names))
         self.set_panel("Φ and p", markup.words_by_objects(moment, self.scene.names))
 
+    def show_state(self, moment: Moment, remark: str) -> None:
+        """Say how a moment that is drawn already stands."""
+        self.set_panel("State", markup.state(moment, remark))
+
     def set_panel(self, panel: str, html: str) -> None:
         """Put HTML into a panel; nothing is sent if it is there already."""
         if panel in self._html and self._shown.get(panel) != html:

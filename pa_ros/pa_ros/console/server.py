@@ -8,6 +8,8 @@ import os
 import secrets
 import socket
 from collections.abc import Callable
+from typing import Any
+from urllib.parse import urlsplit
 
 import viser
 
@@ -20,6 +22,8 @@ from pa_ros.console.settings import (
 )
 from pa_ros.core.errors import PaError
 from pa_ros.ros.refusals import Refusals
+
+FOREIGN = 1008  # the code by which a websocket is closed: policy violation
 
 
 class ConsoleError(PaError):
@@ -40,6 +44,8 @@ class ConsoleServer:
             self.viser = viser.ViserServer(HOST, settings.port, "pa_ros console", verbose=False)
         # viser could open a tunnel to a public host for a page. Nothing may leave this machine.
         self.viser.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
+        # Before viser's own, so that nothing was sent yet.
+        self.viser._websock_server._client_connect_cb.insert(0, self._refuse_foreign)  # noqa: SLF001
         gui = self.viser.gui
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()
@@ -57,11 +63,22 @@ class ConsoleServer:
 
     def may_send(self, client: viser.ClientHandle) -> bool:
         """Whether a page was opened with the token."""
-        # viser does not pass on the address, but its connection has it.
-        live = self.viser._websock_server._live_connections  # noqa: SLF001
-        connection = live.get(client.client_id)
+        connection = self._connection(client.client_id)
         path = "" if connection is None or connection.request is None else connection.request.path
         return secrets.compare_digest(path.strip("/").encode(), self.token.encode())
+
+    async def _refuse_foreign(self, client: Any) -> None:
+        """Close the connection of a page from elsewhere, which a browser here may have open: any
+        page may connect to this machine, but the browser says where the page is from."""
+        connection = self._connection(client.client_id)
+        headers = connection.request.headers
+        origin = headers.get("Origin")  # programs that are no browser send none
+        if origin and urlsplit(origin).netloc != headers.get("Host"):
+            await connection.close(FOREIGN, "expected a page of this server")
+
+    def _connection(self, client_id: int) -> Any:
+        """A page's websocket; viser does not pass on its address and headers, but it has them."""
+        return self.viser._websock_server._live_connections.get(client_id)  # noqa: SLF001
 
     def __enter__(self) -> ConsoleServer:
         return self

@@ -232,6 +232,7 @@ def evaluate_programs(
     episodes: int,
     condition: str = "eval",
     perception: str = "",
+    seed: int = EPISODES_SEED,
 ) -> list[ProgramRow]:
     """Mean scores of each program, over `episodes` scenes of a condition in which it can hold and
     does not yet. `perception` is that of `evaluate`.
@@ -240,7 +241,7 @@ def evaluate_programs(
     """
     if episodes < 1:
         raise ConfigError(f"evaluate: expected at least one episode, got {episodes}")
-    task, rows = task_seen(config, design, EPISODES_SEED, perception), []
+    task, rows = task_seen(config, design, seed, perception), []
     for program in (parse(text, design.vocabulary) for text in programs):
         scores: list[EpisodeScore] = []
         for index in range(SCENES_SEARCHED):

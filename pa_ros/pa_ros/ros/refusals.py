@@ -35,14 +35,15 @@ class Refusals:
         self._log, self._clock, self._period_s = log, clock, period_s
         self._logged: dict[str, tuple[float, int]] = {}  # code → when, and the count then
         self._guarded: set[str] = set()
-        self._newest: dict[str, tuple[float, str]] = {}  # guarded topic → when, and why
+        # Guarded topic → when, why, and whether a message was accepted since then
+        self._newest: dict[str, tuple[float, str, bool]] = {}
 
     def refuse(self, where: str, error: PaError) -> None:
         """Count a refusal, and log it unless one with its code was logged just before."""
         code, now = error.code, self._clock()
         with self._lock:
             if where in self._guarded:
-                self._newest[where] = now, str(error)
+                self._newest[where] = now, str(error).partition("\n")[0], False
             self._counts[code] += 1
             count = self._counts[code]
             logged_at, logged_count = self._logged.get(code, (-self._period_s, 0))
@@ -69,17 +70,25 @@ class Refusals:
         return guarded
 
     def _accepted(self, where: str) -> None:
-        # Not at once: one of two publishers on a topic may send what can be used.
-        with self._lock:
-            if where in self._newest and self._clock() - self._newest[where][0] > KEPT_S:
-                del self._newest[where]
+        if where in self._newest:
+            with self._lock:
+                self._newest[where] = *self._newest[where][:2], True
 
     @property
     def newest(self) -> list[tuple[str, str]]:
-        """Topics whose newest messages are refused, each with the reason; the latest first."""
+        """Topics whose newest messages are refused, each with the reason; the latest first.
+
+        After one is accepted this lasts for KEPT_S, because another publisher may continue to send
+        bad ones.
+        """
+        now = self._clock()
         with self._lock:
             latest = sorted(self._newest.items(), key=lambda one: one[1][0], reverse=True)
-        return [(where, reason) for where, (_, reason) in latest]
+        return [
+            (where, reason)
+            for where, (at, reason, accepted) in latest
+            if not accepted or now - at < KEPT_S
+        ]
 
     @property
     def counts(self) -> Counter[str]:

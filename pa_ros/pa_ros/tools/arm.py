@@ -17,7 +17,7 @@ from pa_ros.language import parse, parse_goal
 from pa_ros.tools.client import NoAnswerError
 from pa_ros.tools.connection import Connection, Lease
 from pa_ros.tools.domain import DomainClaim
-from pa_ros.tools.launch_params import load_parameters, merged, packaged
+from pa_ros.tools.launch_params import acting, load_parameters, merged, packaged
 from pa_ros.tools.scenes import Scene
 from pa_ros.tools.send import Answers, ProgramSender
 from pa_ros.wire.arena import ArenaDescription
@@ -116,17 +116,9 @@ class Arm:
         :param arena: other parameters of `sim_node`, such as `condition="only-color"`.
         :raises ChildError: if the process ends by itself; the text has the end of its log.
         """
-        from pa_ros.agents import checkpoint_named, load_agent
-
-        checkpoint = checkpoint_named(agent)
-        trained = load_agent(checkpoint)
-        world: dict[str, Any] = {"design": trained.design.name, "arm": trained.arena.arm}
-        world |= {"relations": list(trained.design.vocabulary.relations)}
-        world |= {"preset": trained.arena.preset, "seed": seed, "real_time_factor": float(speed)}
-        if trained.perception:
-            world["perception"] = str(checkpoint)
-        changes = {"sim_node": world | arena, "agent_node": {"checkpoint": str(checkpoint)}}
-        parameters = merged(load_parameters(packaged("execute_3d")), changes)
+        own = {"seed": seed, "real_time_factor": float(speed), **arena}
+        like_its_training = acting(load_parameters(packaged("execute_3d")), agent)
+        parameters = merged(like_its_training, {"sim_node": own})
         graph = Connection("", STARTING_S, DomainClaim() if domain is None else domain)
         try:
             graph.start(parameters, record, logs)

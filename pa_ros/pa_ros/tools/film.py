@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -14,8 +15,9 @@ from pa_ros.arena.render import draw
 from pa_ros.arena.skills import DemoProgram
 from pa_ros.arena.task import play
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.experience import Observation, Verdict
 from pa_ros.evaluation.evaluate import pursuing
-from pa_ros.language import ProgramError, parse, satisfying, stages
+from pa_ros.language import ProgramError, parse, parse_goal, satisfying, stages
 from pa_ros.perception import task_seen
 from pa_ros.world.relation import RELATIONS
 
@@ -77,27 +79,36 @@ def find_scene(config: ArenaConfig, design: Design, seed: int, program: DemoProg
 
 
 def film_execution(
-    agent: TrainedAgent, path: Path, seed: int, width: int, rendered: bool, condition: str = ""
+    agent: TrainedAgent,
+    path: Path,
+    seed: int,
+    width: int,
+    rendered: bool | None = None,
+    condition: str = "",
+    program: str = "",
 ) -> tuple[int, list[str]]:
-    """Write a film of the six programs, one scene each, at the speed of the arena; or of the goal
-    of a condition's first episode.
+    """Write a film of the six programs, one scene each, at the speed of the arena; or of one goal,
+    in the first scene of a condition in which it can hold.
 
     Returns its number of pictures, and the programs that were not reached. Raises ConfigError for
-    an unknown kind of file or condition, or a design that holds nothing out, RenderError for a file
-    that cannot be written, or for `rendered` without OpenGL.
+    an unknown kind of file or condition, or a design that holds nothing out, ProgramError for a
+    wrong program, RenderError for a file that cannot be written, or for `rendered` without OpenGL.
+
+    :param rendered: in perspective; None: if there is OpenGL.
+    :param program: the goal's text; empty: that of the condition's first episode.
     """
     check_movie(path)
     period_s = agent.arena.control_period_s
     missed: list[str] = []
-    if condition:
-        pictures = _goal_pictures(agent, seed, width, rendered, condition, missed)
+    if condition or program:
+        pictures = _goal_pictures(agent, seed, width, rendered, condition, program, missed)
     else:
         pictures = _pictures(agent, seed, width, rendered, missed)
     return write_movie(path, pictures, period_s), missed
 
 
 def _pictures(
-    agent: TrainedAgent, seed: int, width: int, rendered: bool, missed: list[str]
+    agent: TrainedAgent, seed: int, width: int, rendered: bool | None, missed: list[str]
 ) -> Iterator[Picture]:
     task = task_seen(agent.arena, agent.design, seed, agent.perception)
     for program in demo_programs(agent.design):
@@ -116,11 +127,12 @@ def _pictures(
 
 
 def _goal_pictures(
-    agent: TrainedAgent, seed: int, width: int, rendered: bool, condition: str, missed: list[str]
-) -> Iterator[Picture]:
-    """The first episode of a condition, until its goal holds or cannot hold any more."""
+    agent: TrainedAgent, seed: int, width: int, rendered: bool | None, condition: str,
+    program: str, missed: list[str],
+) -> Iterator[Picture]:  # fmt: skip
+    """An episode of a condition, until its goal holds or cannot hold any more."""
     task = task_seen(agent.arena, agent.design, seed, agent.perception)
-    start = task.reset(0, condition)
+    start = _first_scene(task, condition, program) if program else task.reset(0, condition)
     count = len(stages(task.goal))
     for _, verdict in play(task, pursuing(task, agent.policy), start):
         state = "violated" if verdict.violated else "done" if verdict.satisfied else "to do"
@@ -136,6 +148,18 @@ def _goal_pictures(
     yield from [picture] * PAUSE
     if not verdict.satisfied:
         missed.append(str(task.goal))
+
+
+def _first_scene(task: ReachTask, condition: str, program: str) -> tuple[Observation, Verdict]:
+    """Begin the first scene of a condition in which a program can hold and does not yet."""
+    goal = parse_goal(program, task.design.vocabulary)
+    for index in range(SCENES_SEARCHED):
+        task.reset(index, condition or "train")
+        with suppress(ProgramError):  # it names nothing here
+            observation, verdict = task.set_program(goal)
+            if not verdict.satisfied:
+                return observation, verdict
+    raise ConfigError(f"film: {program}: expected a design with a scene for it, got none")
 
 
 def _executed(

@@ -10,9 +10,11 @@ from typing import Any
 
 import yaml
 
+from pa_ros.agents import checkpoint_named, load_agent
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.text import did_you_mean
 from pa_ros.core.yaml_text import read_yaml
+from pa_ros.learning.checkpoint_files import METADATA, SHIPPED, SHIPPED_PREFIX
 from pa_ros.learning.folder import refuse_used
 
 CONFIG = Path(__file__).parents[1] / "config"
@@ -128,6 +130,61 @@ def arenas_of(parameters: Parameters) -> list[str]:
     """Namespaces of the arenas of a fleet; empty if there is only one arena, without namespace."""
     arenas = [_namespace(place) for place in parameters if place.endswith("/sim_node")]
     return [] if arenas == [""] else arenas
+
+
+def preferred(
+    parameters: Parameters, checkpoint: str | None, design: str | None, seed: int | None
+) -> Parameters:
+    """Change the agent, the design or the seed of a file; None keeps the file's.
+
+    Where agents don't learn, a design without a checkpoint brings the shipped agent of that design.
+    Raises ConfigError for a checkpoint beside a learner, or a seed for several arenas.
+    """
+    if (checkpoint or seed is not None) and arenas_of(parameters):
+        raise ConfigError("--checkpoint, --seed: expected a file with one arena, got several")
+    if checkpoint or (design and "learner_node" not in parameters):
+        parameters = acting(parameters, checkpoint or _shipped_for(str(design)))
+    if design is not None:
+        places = [place for place in parameters if _last(place) == "sim_node"]
+        parameters = merged(parameters, {place: {"design": design} for place in places})
+    if seed is not None:
+        parameters = merged(parameters, {place: {"seed": seed} for place in parameters})
+    return parameters
+
+
+def acting(parameters: Parameters, agent: str | Path) -> Parameters:
+    """Let a trained agent act, in an arena like that of its training.
+
+    Raises ConfigError if the file has a learner or lacks an arena or an agent, CheckpointError for
+    no usable checkpoint.
+    """
+    if "learner_node" in parameters:
+        raise ConfigError(
+            "--checkpoint: expected a parameters file without a learner_node (such as execute_3d)"
+        )
+    checkpoint = checkpoint_named(agent)
+    trained = load_agent(checkpoint)
+    world: dict[str, Any] = {"design": trained.design.name, "arm": trained.arena.arm}
+    world |= {"relations": list(trained.design.vocabulary.relations)}
+    world |= {"preset": trained.arena.preset}
+    if trained.perception:
+        world["perception"] = str(checkpoint)
+    acts = {"learning": False, "weights": "checkpoint", "checkpoint": str(checkpoint)}
+    return merged(parameters, {"sim_node": world, "agent_node": acts})
+
+
+def _shipped_for(design: str) -> str:
+    """The agent of the package that learned a design. ConfigError if there is none."""
+    names = sorted(card.parent.name for card in SHIPPED.glob(f"*/{METADATA}"))
+    agents = {name: load_agent(f"{SHIPPED_PREFIX}{name}") for name in names}
+    learned = {name: one.design.name for name, one in agents.items() if not one.perception}
+    for name, of in learned.items():
+        if of == design:
+            return name
+    raise ConfigError(
+        f"--design: expected one that a shipped agent learned ({', '.join(learned.values())}), "
+        f"got {design!r}: name your agent by --checkpoint"
+    )
 
 
 def in_step(parameters: Parameters, way: str) -> Parameters:

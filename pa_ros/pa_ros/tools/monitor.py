@@ -20,7 +20,7 @@ from rich.table import Table
 from rich.text import Text
 
 from pa_ros.core.text import printable, renewable
-from pa_ros.ros.health import LIFECYCLE
+from pa_ros.ros.health import LIFECYCLE, WARN
 from pa_ros.ros.topics import DIAGNOSTICS
 from pa_ros.wire import Message
 from pa_ros.wire.diagnostics import Health, decode_diagnostics
@@ -136,7 +136,14 @@ class GraphFigures:
 
     def _is_alarm(self, name: str) -> bool:
         entry, when = self._health[name]
-        return bool(entry.level) or self._now() - when > STALE_S
+        # To wait for an arena that somebody paused is no reason for an alarm.
+        waits = entry.level == WARN and self.is_paused(f"{name.rpartition('/')[0]}/sim_node")
+        return (bool(entry.level) and not waits) or self._now() - when > STALE_S
+
+    def is_paused(self, arena: str) -> bool:
+        """Whether an arena, by its full name, says that it is paused."""
+        entry, _ = self._health.get(arena, (Health(arena), 0.0))
+        return entry.values.get("paused") == "true"
 
     def message(self, name: str) -> str:
         """What a node, by its full name, said last, and its name before that."""
