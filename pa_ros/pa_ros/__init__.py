@@ -106,8 +106,7 @@ def train(
     config = TrainConfig(
         out=Path(out), seed=seed, frames=frames, evaluate_every_frames=evaluate_every
     )
-    watcher = Telling(progress) if progress else TrainingView(frames)
-    with watcher if isinstance(watcher, TrainingView) else nullcontext():
+    with nullcontext(Telling(progress)) if progress else TrainingView(frames) as watcher:
         train_agent(chosen.arena_config(), blocks, learning, config, resume=resume, watcher=watcher)
     return load(Path(out).resolve())
 

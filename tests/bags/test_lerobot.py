@@ -80,6 +80,17 @@ def executed(goal: str, steps: list[Acted], reached: int = 99, given_up: int = 9
     return found
 
 
+def test_a_goal_left_from_the_episode_before_is_no_episode(tmp_path):
+    steps = [one for one in acted() if not one[-1]]
+    old = [(replace(seen, episode=1), *rest) for seen, *rest in executed("a", steps[:9])]
+    left = [(replace(seen, episode=2), *rest) for seen, *rest in executed("a", steps[9:14])]
+    new = [(replace(seen, episode=2), *rest) for seen, *rest in executed("b", steps[14:20])]
+    bag = recorded(tmp_path / "bag", [*old, *left, *new])
+    assert main(["bag", "export", str(bag), "--lerobot", str(tmp_path / "set")]) == 0
+    frames = pandas.read_parquet(tmp_path / "set/data/chunk-000/file-000.parquet")
+    assert frames.groupby("episode_index").size().tolist() == [8, 5]
+
+
 def test_an_executed_goal_is_an_episode_up_to_its_end_with_its_success(tmp_path):
     steps = [one for one in acted() if not one[-1]]
     goals = executed("a", steps[3:16], reached=1), executed("b", steps[16:], given_up=9)

@@ -227,7 +227,7 @@ class PushedArm:
         return Sent(state, poses, seen, self._number)
 
     def _answer(self, message: Any) -> None:
-        """Command what pushes the hand; ask for a program if there is none."""
+        """Command what pushes the hand; ask for a program where none runs."""
         now = time.monotonic()
         if not message.program and now - self._asked_s > 1.0:
             self._asked_s = now

@@ -19,8 +19,8 @@ pytestmark = pytest.mark.graph
 
 @pytest.fixture(scope="module")
 def probe(module_domain: str) -> Iterator[Probe]:
-    """One arena for all tests of this module, at five times real time."""
-    with graph(SimNode, sim_node__mode="real_time", sim_node__real_time_factor=5.0) as probe:
+    """One arena for all tests of this module. A busy machine keeps up with real time."""
+    with graph(SimNode, sim_node__mode="real_time") as probe:
         yield probe
 
 
@@ -35,9 +35,13 @@ def speed(probe: Probe) -> float:
 
 def test_the_arm_moves_while_commands_arrive_and_holds_when_they_stop(probe, commands):
     sim = probe.nodes[0]
+    answered = {0}
 
     def moves() -> bool:
-        commands.publish(encode_command(answer(sim.session.current.observation)))
+        seen = sim.session.current.observation
+        if seen.stamp_ns not in answered:  # once each: on a busy machine more would queue up
+            answered.add(seen.stamp_ns)
+            commands.publish(encode_command(answer(seen)))
         return speed(probe) > 0.3
 
     assert probe.until(moves)
@@ -51,10 +55,10 @@ def test_the_real_time_factor_is_kept_reported_and_can_be_changed(probe):
     def factor() -> float:
         return float(probe.value("sim_node", "real_time_factor") or 0.0)
 
-    assert probe.until(lambda: 4.0 < factor() < 6.0)
+    assert probe.until(lambda: 0.8 < factor() < 1.2)
     changed = probe.call(topics.SPEED, encode_speed(2.0))
     assert changed.success and changed.real_time_factor == 2.0
-    assert probe.until(lambda: 1.5 < factor() < 2.5)
+    assert probe.until(lambda: 1.6 < factor() < 2.4)
     assert not probe.call(topics.SPEED, encode_speed(-1.0)).success
 
 

@@ -61,7 +61,7 @@ def test_velocities_are_passed_on_and_a_silence_brings_the_arm_to_rest():
     assert velocities[:, 1] == pytest.approx(-velocities[:, 0] / 2), "its direction stays"
     assert link.published[1][0] - heard > SILENCE_S - 0.05
     link.send(0.5, 0.0)
-    wait_for(lambda: link.published[-1][1].tolist() == [0.5, 0.0])  # it goes on
+    wait_for(lambda: link.published[-1][1].tolist() == [0.5, 0.0])  # sends again
     link.ends()
 
 

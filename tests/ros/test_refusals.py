@@ -78,6 +78,14 @@ def test_a_refusal_is_remembered_until_a_message_of_its_topic_is_accepted(refusa
     assert refusals.newest == said[:1]
 
 
+def test_a_message_of_which_a_part_is_refused_is_not_an_accepted_one(refusals, clock):
+    detections = refusals.guard("detections", lambda why: refusals.refuse("detections", why))
+    for _ in range(2):
+        detections(ConfigError("no pose"))
+        clock.now += KEPT_S
+        assert refusals.newest == [("detections", "no pose")]
+
+
 def test_refusals_of_several_threads_are_all_counted(refusals, lines):
     def refuse_often() -> None:
         for _ in range(2000):

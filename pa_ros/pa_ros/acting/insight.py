@@ -116,7 +116,7 @@ def explained(
     vocabulary: Vocabulary,
     stage: int = 0,
 ) -> tuple[Explanation | None, str]:
-    """The explanation of a stage of a goal's text, or why there is none."""
+    """The explanation of a stage of a goal's text, or why it cannot be explained."""
     if insight is None:
         return None, "the agent's weights are not known here"
     try:

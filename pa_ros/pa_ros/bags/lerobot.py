@@ -8,7 +8,7 @@ Source: https://huggingface.co/docs/lerobot/lerobot-dataset-v3.
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -135,12 +135,13 @@ def _chosen(
     found: Iterable[RecordedEpisode], numbers: Collection[int] | None, hold: int
 ) -> tuple[list[Goal], list[int]]:
     """The goals of the wanted episodes, and the numbers of episodes that are not whole."""
-    wanted = [episode for episode in found if numbers is None or episode.number in numbers]
-    if missing := sorted(set(numbers or ()) - {episode.number for episode in wanted}):
+    parts = list(_executed(found))
+    wanted = [one for one in parts if numbers is None or one[0].number in numbers]
+    if missing := sorted(set(numbers or ()) - {episode.number for episode, _ in wanted}):
         raise BagError(f"export: the bag does not contain episodes {missing}")
     chosen, cut = list[Goal](), list[int]()
-    for episode in wanted:
-        goals = (_until_its_end(rows, hold) for rows in _parts(episode.rows))
+    for episode, of_goals in wanted:
+        goals = (_until_its_end(rows, hold) for rows in of_goals)
         chosen += [goal for goal in goals if len(goal.rows) > 1]
         if any(
             before.step.program and not _joined_to(before, row)
@@ -174,6 +175,21 @@ def _indices(episode: Goal, number: int, start: int, fps: int, tasks: Mapping[st
         "index": np.arange(start, start + frames),
         "task_index": np.array([tasks[row.step.program] for row in episode.rows[:-1]]),
     }
+
+
+def _executed(
+    found: Iterable[RecordedEpisode],
+) -> Iterator[tuple[RecordedEpisode, list[list[Row]]]]:
+    """Each episode with the rows under each of its programs.
+
+    A program that is left from the episode before, and soon replaced, was not meant for this one.
+    """
+    before = None
+    for episode in found:
+        parts = _parts(episode.rows)
+        left = len(parts) > 1 and _goal(parts[0][0]) == before
+        before = _goal(parts[-1][0]) if parts else None
+        yield episode, parts[left:]
 
 
 def _parts(rows: Sequence[Row]) -> list[list[Row]]:

@@ -35,6 +35,11 @@ Arrays = dict[str, NDArray[Any]]
 Pieces = Sequence[Any]  # of a file's content, in turn: bytes, or arrays of bytes
 
 
+def shipped_names() -> list[str]:
+    """Names of the policies that come with the package."""
+    return sorted(card.parent.name for card in SHIPPED.glob(f"*/{METADATA}"))
+
+
 def find_checkpoint(path: Path) -> Path:
     """The checkpoint folder that `path` is, or that its LATEST names, also in a run's folder.
 
@@ -42,7 +47,7 @@ def find_checkpoint(path: Path) -> Path:
     """
     if str(path).startswith(SHIPPED_PREFIX):
         name = str(path).removeprefix(SHIPPED_PREFIX)
-        names = sorted(card.parent.name for card in SHIPPED.glob(f"*/{METADATA}"))
+        names = shipped_names()
         if name not in names:
             raise CheckpointError(f"checkpoint: expected shipped: and one of {names}, got {name!r}")
         return SHIPPED / name

@@ -60,19 +60,21 @@ class Refusals:
         self._guarded.add(where)
 
         def guarded(argument: Argument) -> None:
+            before = self._newest.get(where)
             try:
                 callback(argument)
             except PaError as error:
                 self.refuse(where, error)
             else:
-                self._accepted(where)
+                self._accepted(where, before)
 
         return guarded
 
-    def _accepted(self, where: str) -> None:
-        if where in self._newest:
-            with self._lock:
-                self._newest[where] = *self._newest[where][:2], True
+    def _accepted(self, where: str, before: tuple[float, str, bool] | None) -> None:
+        """A message was accepted, unless its callback refused a part of it."""
+        with self._lock:
+            if before is not None and self._newest[where] is before:
+                self._newest[where] = *before[:2], True
 
     @property
     def newest(self) -> list[tuple[str, str]]:

@@ -10,11 +10,10 @@ from typing import Any
 
 import yaml
 
-from pa_ros.agents import checkpoint_named, load_agent
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.text import did_you_mean
 from pa_ros.core.yaml_text import read_yaml
-from pa_ros.learning.checkpoint_files import METADATA, SHIPPED, SHIPPED_PREFIX
+from pa_ros.learning.checkpoint_files import SHIPPED_PREFIX, shipped_names
 from pa_ros.learning.folder import refuse_used
 
 CONFIG = Path(__file__).parents[1] / "config"
@@ -158,6 +157,8 @@ def acting(parameters: Parameters, agent: str | Path) -> Parameters:
     Raises ConfigError if the file has a learner or lacks an arena or an agent, CheckpointError for
     no usable checkpoint.
     """
+    from pa_ros.agents import checkpoint_named, load_agent
+
     if "learner_node" in parameters:
         raise ConfigError(
             "--checkpoint: expected a parameters file without a learner_node (such as execute_3d)"
@@ -174,15 +175,21 @@ def acting(parameters: Parameters, agent: str | Path) -> Parameters:
 
 
 def _shipped_for(design: str) -> str:
-    """The agent of the package that learned a design. ConfigError if there is none."""
-    names = sorted(card.parent.name for card in SHIPPED.glob(f"*/{METADATA}"))
-    agents = {name: load_agent(f"{SHIPPED_PREFIX}{name}") for name in names}
-    learned = {name: one.design.name for name, one in agents.items() if not one.perception}
-    for name, of in learned.items():
-        if of == design:
-            return name
+    """The agent of the package that learned a design, not from pictures.
+
+    Raises ConfigError if the package has no such agent.
+    """
+    from pa_ros.learning.checkpoints import read_metadata
+
+    learned = dict[str, str]()
+    for name in shipped_names():
+        facts = read_metadata(Path(f"{SHIPPED_PREFIX}{name}"))["extra"]
+        if not facts.get("perception"):
+            learned.setdefault(facts["design"], name)
+    if design in learned:
+        return learned[design]
     raise ConfigError(
-        f"--design: expected one that a shipped agent learned ({', '.join(learned.values())}), "
+        f"--design: expected one that a shipped agent learned ({', '.join(learned)}), "
         f"got {design!r}: name your agent by --checkpoint"
     )
 

@@ -49,7 +49,7 @@ class DeadReckoning:
     def __init__(self, speed_limits: Sequence[float], lasts_s: float) -> None:
         """`speed_limits`: rad/s; `lasts_s`: how long the arm follows a command that stays alone."""
         self._speeds, self._lasts_s = np.array(speed_limits), lasts_s
-        self.position = self.velocity = np.zeros(len(self._speeds))
+        self.position: Float64 = np.zeros(len(self._speeds))
         self._before = self.position  # after the last measurement
         self._at_s, self._measured_s, self._sent_s = inf, -inf, -inf
         self._sent: deque[tuple[float, Float64]] = deque(maxlen=RECENT)  # when, and velocities
@@ -69,8 +69,8 @@ class DeadReckoning:
     def sent(self, velocity: Float64, now_s: float) -> None:
         """Note the velocities [J] (rad/s) that the arm has from now on."""
         self.move(now_s)
-        self.velocity, self._sent_s = velocity.copy(), now_s
-        self._sent.append((now_s, self.velocity))
+        self._sent_s = now_s
+        self._sent.append((now_s, velocity.copy()))
 
     def move(self, now_s: float) -> None:
         """Move on by what was sent last."""

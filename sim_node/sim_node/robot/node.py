@@ -128,10 +128,11 @@ class RobotNode(ManagedNode):
 
         def receive(payload: Any) -> None:
             if len(payload) > LARGEST_BYTES:
-                expected = (
-                    f"expected at most {LARGEST_BYTES} bytes in a message, got {len(payload)}"
+                raise ArenaError(
+                    f"expected at most {LARGEST_BYTES} bytes in a message, got {len(payload)}: "
+                    "publish fewer entries in each",
+                    "robot.size",
                 )
-                raise ArenaError(f"{expected}: publish fewer entries in each", "robot.size")
             use(payload)
 
         self.subscribe(replace(topic, as_bytes=True), receive)
@@ -145,31 +146,32 @@ class RobotNode(ManagedNode):
 
     def _on_transforms(self, payload: bytes, static: bool = False) -> None:
         # Static ones are sent once: any of them may be wanted later.
-        frames, refuse = self.arm.frames, partial(self.refusals.refuse, "tf")
+        topic = topics.TF_STATIC if static else topics.TF
+        frames, refuse = self.arm.frames, partial(self.refusals.refuse, topic.name)
         measured, names = decode_transforms(payload, None if static else frames.wanted, refuse)
         frames.hear(names)
         for measurement in measured:
-            self._place(measurement, static)
+            self._place(topic.name, measurement, static)
 
     def _on_detections(self, payload: bytes) -> None:
         message = topics.DETECTIONS.parse(payload, self._classes)
         if message is not None:
-            refuse = partial(self.refusals.refuse, "detections")
+            refuse = partial(self.refusals.refuse, topics.DETECTIONS.name)
             for measurement in decode_detections(message, self._classes, refuse):
-                self._place(measurement)
+                self._place(topics.DETECTIONS.name, measurement)
 
     def _on_pose(self, topic: str, payload: bytes) -> None:
         message = topics.tracked_pose(topic).parse(payload)
         if message is not None:
-            self._place(decode_tracked(message, measured_frame(topic)))
+            self._place(topic, decode_tracked(message, measured_frame(topic)))
 
-    def _place(self, measurement: Measurement, static: bool = False) -> None:
+    def _place(self, topic: str, measurement: Measurement, static: bool = False) -> None:
         parent, child, pose, stamp_ns = measurement
         placed = Placed(pose) if static else Placed(pose, stamp_ns, time.monotonic())
         try:
             self.arm.frames.add(parent, child, placed)
         except ArenaError as error:  # the other measurements of a message count
-            self.refusals.refuse("tf", error)
+            self.refusals.refuse(topic, error)
 
     # A control step: observation out, command in
 
