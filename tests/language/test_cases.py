@@ -38,6 +38,14 @@ def test_invalid(case: dict[str, Any]) -> None:
     assert isinstance(error, PaError)
     assert (error.code, error.position) == (case["code"], case["position"])
     assert error.source == case["text"]
+    part = error.source[slice(*error.span)]
+    if error.code == "program.unexpected_character":
+        assert error.received.startswith(f"U+{ord(part):04X} (")
+    elif error.code == "program.arity":
+        assert part.endswith(")")
+    else:
+        missing = "nothing" if error.code == "program.empty" else "the end of the text"
+        assert error.received == (repr(part) if part else missing)
     for fragment in case["message"]:
         assert fragment in str(error)
     assert str(error).isascii()

@@ -12,6 +12,7 @@ from pa_ros.language import (
     parse,
     relevance,
     require_target,
+    role_relevance,
     roles,
     satisfying,
 )
@@ -44,6 +45,15 @@ def near(target: str) -> Program:
 )
 def test_relevance_by_hand(target: str, expected: list[float]) -> None:
     assert relevance(near(target), PHI, VOCABULARY.row, hand_index=0) == expected
+
+
+def test_relevance_of_a_program_that_moves_objects_by_hand() -> None:
+    pushes, row = Program(Word("BLUE"), moved=Word("RED")), VOCABULARY.row
+    blue = [0.0, 0.5, 0.875]
+    assert role_relevance(pushes, PHI, row, 0) == ([0.0, 0.5, 0.125], blue)
+    assert role_relevance(pushes, PHI, row, 0, bodiless=("SPHERE",)) == ([0.0, 0.375, 0.0], blue)
+    assert role_relevance(near("BLUE"), PHI, row, 0, bodiless=("CUBE",)) == ([1.0, 0.0, 0.0], blue)
+    assert relevance(pushes, PHI, row, 0) == [1.0, 0.75, 0.890625]
 
 
 def test_the_hand_may_be_any_column() -> None:
@@ -124,6 +134,8 @@ def test_the_two_sets_of_a_program(text: str, moved: list[int], target: list[int
         ("NEAR(AND(RED, PLACE), BLUE)", "needs_body", (5, 20)),
         ("NEAR(AND(RED, BLUE), PLACE)", "names_nothing", (5, 19)),
         ("NEAR(RED, AND(RED, BLUE))", "names_nothing", (10, 24)),
+        ("NEAR(LEFTMOST(AND(RED, BLUE)), PLACE)", "names_nothing", (14, 28)),
+        ("NEAR(RED, LEFTMOST(AND(RED, BLUE)))", "names_nothing", (19, 33)),
     ],
 )
 def test_programs_that_cannot_hold_are_rejected(text: str, code: str, caret: tuple[int, int]):
@@ -153,13 +165,15 @@ def test_a_program_that_networks_have_no_input_for_does_not_compile() -> None:
     red, blue = Word("RED"), Word("BLUE")
     moves, avoids = Program(red, moved=blue), Program(red, avoided=blue)
     plain = Vocabulary.of(shape=("CUBE",), color=("RED", "BLUE"))
-    for vocabulary, program, code in (
-        (plain, moves, "program.moves"),
-        (plain.avoiding(), moves, "program.moves"),
-        (plain, avoids, "program.avoids"),
-        (plain.moving(), Program(red, moved=blue, avoided=red), "program.avoids"),
+    for vocabulary, program, code, part in (
+        (plain, moves, "program.moves", "BLUE"),
+        (plain.avoiding(), moves, "program.moves", "BLUE"),
+        (plain, avoids, "program.avoids", "AVOID"),
+        (plain.moving(), Program(red, moved=blue, avoided=red), "program.avoids", "AVOID"),
     ):
         with pytest.raises(ProgramError) as caught:
             compile_program(program, vocabulary)
         assert (caught.value.code, caught.value.source) == (code, str(program))
+        assert str(program)[slice(*caught.value.span)] == part
     assert compile_program(moves, plain.moving()).moved == plain.row["BLUE"]
+    assert compile_program(avoids, plain.avoiding()).avoided == plain.row["BLUE"]

@@ -128,6 +128,19 @@ def test_each_stage_avoids_all_that_is_avoided_around_it() -> None:
     ]
 
 
+def test_the_stage_of_a_goal_in_a_goal_is_counted_in_the_order_of_the_text() -> None:
+    (a, b, c), (push, other), sphere = REACHES, PUSHES, Word("SPHERE")
+    goal = Then((All((a, b)), Avoid(sphere, Then((b, All((push, other, c)))))))
+    assert [one.relation_alone for one in stages(goal)] == [a, b, b, push, other, c]
+    progress, reached = Progress.of(goal), []
+    last = {push, other, Program(sphere)}
+    for state in ({b}, {a}, set[Program](), {b, push}, {c}, {push, other}, {other}, last):
+        progress = progress.after(state.__contains__)
+        reached.append((progress.stage, progress.holds))
+    before = [(0, False), (2, False), (2, False), (4, False), (3, False), (5, True), (3, False)]
+    assert reached == [*before, (5, False)] and progress.violated
+
+
 P = "NEAR(HAND, RED)"
 DEEPEST = "THEN(" * MAX_GOAL_DEPTH + P + f", {P})" * MAX_GOAL_DEPTH
 INVALID = {  # text: code, position, part of the message
@@ -165,8 +178,9 @@ def test_nothing_can_be_avoided_without_the_relation_near() -> None:
 
 
 def test_a_goal_over_time_is_no_single_program() -> None:
-    with rejected("program.over_time"):
+    with rejected("program.over_time", "received THEN\n") as caught:
         parse(f"THEN({P}, {P})", WORDS)
+    assert isinstance(caught.value, ProgramError) and caught.value.span == (0, 38)
     assert parse(f"AVOID(BLUE, {P})", WORDS).avoided == Word("BLUE")
 
 
@@ -182,6 +196,14 @@ IMPOSSIBLE = {  # text: code, the part of it under the caret
     f"AVOID(CUBE, THEN(NEAR(HAND, SPHERE), AVOID(BLUE, {P})))": ("program.avoids_target", "CUBE"),
     "AVOID(RED, NEAR(RED, SPHERE))": ("program.avoids_target", "RED"),
     f"ALL({P}, NEAR(SPHERE, SPHERE))": ("program.itself", "SPHERE"),
+    "AVOID(RED, AVOID(SPHERE, NEAR(HAND, AND(BLUE, RED))))": (
+        "program.names_nothing",
+        "AND(BLUE, RED)",
+    ),
+    "AVOID(RED, AVOID(AND(RED, SPHERE), NEAR(HAND, BLUE)))": (
+        "program.names_nothing",
+        "AND(RED, SPHERE)",
+    ),
 }
 
 

@@ -137,10 +137,11 @@ def one_of(words: Iterable[str]) -> str:
 
 def _location(source: str, position: int) -> str:
     """A place in words, 1-based: "column 12", or "line 2, column 12" in text of several lines."""
-    column = position - source.rfind("\n", 0, position)
+    before = source[:position]
+    column = position - before.rfind("\n")
     if "\n" not in source:
         return f"column {column}"
-    return f"line {source.count(chr(10), 0, position) + 1}, column {column}"
+    return f"line {len(before.split(chr(10)))}, column {column}"
 
 
 def excerpt(source: str, span: Span) -> str:
@@ -149,9 +150,8 @@ def excerpt(source: str, span: Span) -> str:
     Long lines are cut to a window around the caret. The result is printable ASCII for every source,
     so that it cannot break a terminal, a log or the alignment of the caret.
     """
-    line_start = source.rfind("\n", 0, span.start) + 1
-    line_end = source.find("\n", span.start)
-    line_end = len(source) if line_end < 0 else line_end
+    line_start = source[: span.start].rfind("\n") + 1
+    line_end = f"{source}\n".index("\n", span.start)
     left = max(line_start, span.start - EXCERPT_LEAD)
     right = min(line_end, left + EXCERPT_WIDTH)
     before = "..." if left > line_start else ""

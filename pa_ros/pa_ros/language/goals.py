@@ -174,11 +174,11 @@ class Progress:
                     for one in self.parts
                 )
                 holds, violated = all(p.holds for p in parts), any(p.violated for p in parts)
-                return Progress(goal, holds, violated, 0, parts)
+                return Progress(goal, holds, violated, parts=parts)
             case Avoid(avoided) as goal:
                 inner = self.parts[0].after(truth)
                 violated = self.violated or inner.violated or _is_near(avoided, truth)
-                return Progress(goal, inner.holds and not violated, violated, 0, (inner,))
+                return Progress(goal, inner.holds and not violated, violated, parts=(inner,))
 
     @property
     def stage(self) -> int:

@@ -88,7 +88,7 @@ def parse_goal(text: str, vocabulary: Vocabulary) -> Goal:
     if len(text) > MAX_LENGTH:
         end = Span(MAX_LENGTH, MAX_LENGTH + 1)
         raise _too_large(text, end, "long", f"{MAX_LENGTH} characters", str(len(text)))
-    if not text or text.isspace():
+    if not text.strip():
         example = f"{vocabulary.relations[0]}(HAND, {vocabulary.words[0]})"
         raise ProgramError(
             text,
@@ -218,7 +218,7 @@ class _Parser:
             raise self._wrong_arity(relation.text, relation, 1 + len(targets), closing)
         second, target = targets[0]
         if moved == target == HAND:
-            start = self._source.rindex(HAND.name, 0, closing.span.start)
+            start = self._source[: closing.span.start].rindex(HAND.name)
             raise ProgramError(
                 self._source,
                 Span(start, start + len(HAND.name)),
