@@ -54,6 +54,8 @@ def test_relevance_of_a_program_that_moves_objects_by_hand() -> None:
     assert role_relevance(pushes, PHI, row, 0, bodiless=("SPHERE",)) == ([0.0, 0.375, 0.0], blue)
     assert role_relevance(near("BLUE"), PHI, row, 0, bodiless=("CUBE",)) == ([1.0, 0.0, 0.0], blue)
     assert relevance(pushes, PHI, row, 0) == [1.0, 0.75, 0.890625]
+    with pytest.raises(ProgramError, match="unknown word: expected CUBE, .* received 'GREEN'"):
+        relevance(Program(Word("GREEN")), PHI, row, 0)
 
 
 def test_the_hand_may_be_any_column() -> None:

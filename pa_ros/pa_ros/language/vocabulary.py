@@ -55,18 +55,17 @@ class Vocabulary:
                 "vocabulary: expected groups of different names, got "
                 f"{[group.name for group in self.groups]}"
             )
-        # A relation must not be a property word too, or an error could not say what is wrong.
-        seen: set[str] = set()
         if not 1 <= len(self.relations) <= MAX_RELATIONS:
             raise ConfigError(
                 f"vocabulary: expected 1 to {MAX_RELATIONS} relations, got {self.relations}"
             )
-        for word in (*self.relations, *self.words):
+        # A relation must not be a property word too, or an error could not say what is wrong.
+        words = (*self.relations, *self.words)
+        for word in words:
             if not (word.isascii() and word.isidentifier() and word == word.upper()):
                 raise ConfigError(f"vocabulary: expected an upper-case ASCII word, got {word!r}")
-            if word in RESERVED or word in seen:
+            if word in RESERVED or words.count(word) > 1:
                 raise ConfigError(f"vocabulary: {word!r} is reserved or named twice")
-            seen.add(word)
         if unknown := set(self.bodiless) - set(self.words):
             raise ConfigError(f"vocabulary: bodiless: expected words of it, got {unknown}")
         moves = " and objects that are moved" if self.moves_objects else ""
