@@ -13,12 +13,16 @@ from helpers.messages import texts
 from helpers.rejections import rejected
 from msgs_schema.srv import Reset, SetSpeed
 from pa_ros.language import ProgramError, Vocabulary
-from pa_ros.wire.arena import decode_arena_info, encode_arena_info
+from pa_ros.wire.arena import Mode, decode_arena_info, describe_robot, encode_arena_info
 from pa_ros.wire.program import (
+    LONGEST_S,
+    ProgramGoal,
     ProgramRequest,
     ProgramStatus,
+    decode_goal,
     decode_program,
     decode_program_status,
+    encode_goal,
     encode_program,
     encode_program_status,
     program_id_of,
@@ -52,6 +56,8 @@ ARENA = replace(
 def test_near_between_two_objects_has_its_own_threshold():
     texts = "NEAR(HAND, RED)", "NEAR(RED, BLUE)", "ABOVE(HAND, RED)"
     assert [ARENA.threshold(text) for text in texts] == [0.2, 0.1, None]
+    goal = "THEN(NEAR(HAND, RED), NEAR(RED, BLUE))"
+    assert [ARENA.threshold(goal, stage) for stage in range(3)] == [0.2, 0.1, None]
 
 
 def test_an_arena_survives_the_wire():
@@ -65,7 +71,7 @@ def test_an_arena_survives_the_wire():
         ("mode", 3, "wire.range"),
         ("joint_names", ["a"] * 6, "wire.joint_names"),
         ("joint_lower", [0.0] * 5, "wire.size"),
-        ("joint_lower", [2.0] * 6, "wire.range"),
+        ("joint_lower", [1.0] * 6, "wire.range"),
         ("joint_upper", [math.nan] * 6, "wire.range"),
         ("control_period", math.nan, "wire.range"),
         ("thresholds", (0.2, 0.3), "wire.size"),
@@ -80,6 +86,24 @@ def test_malformed_arenas_are_rejected(field, value, code):
     setattr(message, field, value)
     with rejected(code):
         decode_arena_info(message)
+
+
+def test_a_robot_describes_itself_as_an_arena_does():
+    speeds = dict(zip(ARENA.joint_names, (0.05, 1.0, 1.5) * 2, strict=True))
+    robot = describe_robot(ARENA.world, speeds, 0.05)
+    assert decode_arena_info(encode_arena_info(robot)) == robot
+    assert (robot.mode, robot.seed, robot.block_count) == (Mode.REAL_TIME, 0, 0)
+    assert (robot.joint_names, robot.speed_limits) == (tuple(speeds), tuple(speeds.values()))
+    assert set(zip(robot.joint_lower, robot.joint_upper, strict=True)) == {(-math.inf, math.inf)}
+
+
+@pytest.mark.parametrize("field", ["time_limit_s", "hold_s"])
+def test_the_times_of_a_goal_are_possible(field):
+    sent = ProgramGoal("text", 0.05, LONGEST_S)
+    assert decode_goal(encode_goal(sent)) == sent
+    for value in (-0.1, math.nan, 2 * LONGEST_S):
+        with rejected("wire.range", match=field):
+            decode_goal(encode_goal(replace(sent, **{field: value})))
 
 
 @given(texts.filter(bool), texts)
@@ -156,6 +180,11 @@ def test_a_reused_id_and_an_invalid_text_are_rejected(book):
         book.accept(ProgramRequest("1", "NEAR(HAND, BLUE)"))
     with pytest.raises(ProgramError):
         book.accept(ProgramRequest("2", "NEAR(HAND, PINK)"))
-    for number in range(PROGRAMS):
-        book.name(f"other {number}", "NEAR(HAND, RED)")
+    names = [f"other {number}" for number in range(PROGRAMS - 1)]
+    for name in (*names, "1", "last"):  # which names the id again, so it is not the oldest
+        book.name(name, "NEAR(HAND, RED)")
+    with rejected("program.id_taken"):
+        book.accept(ProgramRequest("1", "NEAR(HAND, BLUE)"))
+    for name in names:
+        book.name(name, "NEAR(HAND, RED)")
     assert book.accept(ProgramRequest("1", "NEAR(HAND, BLUE)"))  # the id is forgotten

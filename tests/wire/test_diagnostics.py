@@ -1,5 +1,6 @@
 """What a process says about itself: health and provenance as messages."""
 
+import json
 from dataclasses import replace
 
 import pytest
@@ -45,7 +46,9 @@ def test_diagnostics_survive_the_wire(entries):
 
 @pytest.mark.parametrize("origin", [ORIGIN, replace(ORIGIN, learner=None, world=None)])
 def test_provenance_survives_the_wire(origin):
-    assert decode_provenance(encode_provenance(origin)) == origin
+    message = encode_provenance(origin)
+    assert decode_provenance(message) == origin
+    assert [*json.loads(message.parameters)] == ["learner.replay.batch_size", "recipe", "resume"]
 
 
 @pytest.mark.parametrize(

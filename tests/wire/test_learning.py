@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from pa_ros.core.experience import (
 )
 from pa_ros.language import ProgramError
 from pa_ros.wire.learning import (
+    MAX_DIMENSIONS,
     decode_learner_info,
     decode_trajectory,
     decode_trajectory_key,
@@ -89,6 +91,8 @@ def test_a_trajectory_survives_the_wire(seed, length, count, number):
         ("actions", [0.0] * 17 + [math.nan], "wire.non_finite"),
         ("actions", [0.0] * 17 + [1.5], "wire.range"),
         ("rewards", [0.0, math.inf, 0.0], "wire.non_finite"),
+        ("measures", [0.1] * 5, "wire.range"),
+        ("measures", [0.1] * 3 + [-0.1], "wire.range"),
     ],
 )
 def test_malformed_trajectories_are_rejected(field, value, code):
@@ -108,12 +112,32 @@ def test_a_program_that_does_not_parse_is_rejected_with_its_place():
 
 def policy(**tensors: np.ndarray) -> PublishedPolicy:
     snapshot = PolicySnapshot(7, '{"kind": "programmable"}', DIGEST, tensors)
-    accounted = {AgentKey("agent-2", 3): 6, AgentKey("agent-1", 2**63): 5}
+    accounted = {AgentKey("agent-2", 3): 6, AgentKey("agent-1", 2**63): 1}
     return PublishedPolicy(snapshot, "run-1", "learner-1", accounted, LATEST, stamp_ns=17)
 
 
-def small_policy() -> PublishedPolicy:
-    return policy(a=np.ones((2, 3), np.float32), b=np.zeros(4, np.float32))
+def small_policy(b: tuple[int, ...] = (4,)) -> PublishedPolicy:
+    return policy(a=np.ones((2, 3), np.float32), b=np.zeros(b, np.float32))
+
+
+def test_a_tensor_has_at_most_so_many_dimensions():
+    most = (1,) * MAX_DIMENSIONS
+    received = decode_weights(encode_weights(small_policy(most))).snapshot
+    assert received.tensors["b"].shape == most
+    with rejected("wire.size", match=r"'b'\]\.shape: expected 1 to 1 numbers"):
+        decode_weights(encode_weights(small_policy((1, *most))))
+
+
+def test_an_agent_of_which_nothing_was_taken_in_is_not_named():
+    sent = replace(small_policy(), accounted={AgentKey("a", 1): 0, AgentKey("b", 1): 1})
+    assert decode_weights(encode_weights(sent)).accounted == {AgentKey("b", 1): 1}
+
+
+def test_full_speed_and_a_measure_of_nothing_are_allowed():
+    full, none = np.ones((3, 6), np.float32), np.zeros((4, 2))
+    sent = replace(trajectory(), actions=full, measures=none)
+    received = decode_trajectory(encode_trajectory(sent), WORLD)
+    assert same(received, sent)
 
 
 shapes = hnp.array_shapes(min_dims=0, max_dims=3, min_side=1, max_side=5)

@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, Image
 
 from helpers.rejections import rejected
-from pa_ros.wire.views import ENCODINGS, decode_camera_info, decode_image
+from pa_ros.wire.views import (
+    ENCODINGS,
+    decode_camera_info,
+    decode_image,
+    encode_camera_info,
+    encode_image,
+)
 
 RGB = np.arange(10, 28, dtype=np.uint8).reshape(2, 3, 3)
 RGBA = np.pad(RGB, ((0, 0), (0, 0), (0, 1)))
@@ -53,11 +59,24 @@ def test_other_pictures_are_rejected(field: str, value: Any, code: str, why: str
         decode_image(wrong)
 
 
+def test_a_picture_and_what_is_known_of_its_lens_survive_the_wire() -> None:
+    sent = encode_image(RGB, "camera", 2 * 10**9 + 3)
+    stamp_ns, picture = decode_image(sent)
+    assert (stamp_ns, picture.tolist(), sent.step) == (2 * 10**9 + 3, RGB.tolist(), 9)
+    info = encode_camera_info(np.array(K).reshape(3, 3), 640, 480, "camera", 0)
+    lens = decode_camera_info(info)
+    assert (lens.matrix.ravel().tolist(), lens.size) == (K, (640, 480))
+    assert (lens.model, lens.distortion.tolist()) == ("plumb_bob", [0.0] * 5)
+    assert info.p.reshape(3, 4).tolist() == [[*row, 0.0] for row in lens.matrix.tolist()]
+
+
 @pytest.mark.parametrize(
     ("k", "model", "d", "field"),
     [
         ([0.0] * 9, "plumb_bob", (), "k"),
         ([float("nan"), *K[1:]], "plumb_bob", (), "k"),
+        ([0.0, *K[1:]], "plumb_bob", (), "k"),
+        ([*K[:4], 0.0, *K[5:]], "plumb_bob", (), "k"),
         (K, "thin_prism", (0.0,) * 4, "d: expected one of plumb_bob, rational_polynomial, equidis"),
         (K, "equidistant", (0.0,) * 5, "d"),
         (K, "plumb_bob", (float("nan"),) * 5, "d"),

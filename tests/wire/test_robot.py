@@ -18,13 +18,14 @@ from helpers.rejections import rejected
 from pa_ros.wire import WireError
 from pa_ros.wire.fields import write_vector
 from pa_ros.wire.robot import (
+    LABEL_M,
     decode_detections,
     decode_driver_joints,
     decode_tracked,
     decode_transforms,
     encode_table,
 )
-from pa_ros.wire.views import encode_outlines
+from pa_ros.wire.views import SHELL, encode_outlines
 
 HALF_TURN = [0.0, 0.0, 1.0, 0.0]
 NAN = float("nan")
@@ -35,6 +36,7 @@ WANTED = {"cup": "measured:cup", "ball": "measured:ball"}
 def transform(**rotation: float) -> TransformStamped:
     message = TransformStamped(child_frame_id="tag36h11:3")
     message.header.frame_id, message.header.stamp.sec = "camera", 2
+    message.header.stamp.nanosec = 3
     message.transform.translation.x = 0.5
     for name, value in rotation.items():
         setattr(message.transform.rotation, name, value)
@@ -63,7 +65,7 @@ def detected(*sent: Detection3D, wanted: Any = WANTED, refuse: Any = None) -> An
 
 def test_a_transform_is_a_pose_of_its_child_in_its_parent():
     ((parent, child, pose, stamp),) = transforms(transform(z=1.02, w=0.0))
-    assert (parent, child, stamp) == ("camera", "tag36h11:3", 2 * 10**9)
+    assert (parent, child, stamp) == ("camera", "tag36h11:3", 2 * 10**9 + 3)
     assert pose.tolist() == [0.5, 0.0, 0.0, *HALF_TURN]
 
 
@@ -173,15 +175,21 @@ def test_joints_are_found_by_name_among_others_whose_values_do_not_matter():
 )
 def test_values_of_the_arms_joints_are_there_once_and_possible(velocity, names, code):
     message = JointState(name=names, position=[0.0] * len(names), velocity=velocity)
-    with rejected(code, match="joint_states.* expected .* received"):
+    with rejected(code, match="joint_states.* expected .* received") as caught:
         decode_driver_joints(message, ("elbow", "base"))
+    assert ("does the driver publish them?" in str(caught.value)) == (not velocity)
 
 
 def test_markers_show_box_objects_and_where_the_hand_goes():
-    pose, box = np.array([1.0, 0, 0, 0, 0, 0, 1.0]), ([0.0, 0, 0], [2.0, 2, 2])
+    pose, box = np.array([1.0, 0, 0, 0, 0, 0, 1.0]), ([0.5, 0, 0], [2.0, 2, 2])
     shown = encode_table("base", box, {"hand": pose}, np.array([0.4, 0, 0]), 5).markers
     by_name = {marker.ns: marker for marker in shown}
-    assert by_name["workspace"].pose.position.y == 1.0 and by_name["workspace"].scale.x == 2.0
+    room, label, arrow = (by_name[name] for name in ("workspace", "names", "motion"))
+    assert (room.pose.position.x, room.pose.position.y, room.scale.x) == (1.25, 1.0, 1.5)
+    assert (label.text, label.pose.position.x, label.scale.z) == ("hand", 1.0, LABEL_M)
+    assert arrow.scale.y == 2 * arrow.scale.x > 0
+    seen = [[c.r, c.g, c.b, c.a] for c in (room.color, label.color, arrow.color)]
+    assert seen == [[0, 1, 0, pytest.approx(0.1)], [1, 1, 1, 1], [1, 0, 0, 1]]
     assert [point.x for point in by_name["motion"].points] == pytest.approx([1.0, 1.2])
     assert {m.header.frame_id for m in shown} == {"base"} and shown[0].action == Marker.DELETEALL
 
@@ -223,7 +231,8 @@ def test_a_block_gets_the_p_of_the_object_that_is_seen_where_it_is():
     # The second time no camera sees a block.
     for seen, p, opacities in ((3, [1.0, 0.5, 0.0], [0.0, 0.25]), (1, [1.0], [0.0, 0.0])):
         markers = MarkerArray(markers=[Marker(ns="blocks", id=n) for n in (0, 2**31 - 1)])
-        markers.markers[0].pose.position.x = 0.5
+        markers.markers[0].pose.position.x = markers.markers[0].scale.y = 0.5
         outlined = encode_outlines(markers, places[:seen], p)
+        assert [marker.scale.y for marker in outlined.markers] == [0.5 * SHELL, 0.0]
         assert [marker.color.a for marker in outlined.markers] == opacities
     assert encode_outlines(MarkerArray(), places, [1.0, 0.5, 0.0]) is None

@@ -70,7 +70,8 @@ def test_any_altered_field_is_rejected(name):
 
 def test_a_restarted_sender_makes_its_earlier_messages_replays():
     checker, early = Checker(KEY), signer(1)
-    checker.check(TOPIC, signed(early))
+    for _ in range(3):
+        checker.check(TOPIC, signed(early))
     checker.check(TOPIC, signed(signer(2)))
     with rejected("auth.replayed", match="incarnation 2.*clock was set back.*restart this node"):
         checker.check(TOPIC, signed(early))
@@ -84,10 +85,11 @@ def test_messages_may_arrive_out_of_order_within_a_window():
         checker.check(TOPIC, sent[index])
         with rejected("auth.replayed"):
             checker.check(TOPIC, sent[index])
-    for index in (4, -1, -2):
+    for index in (4, -1, -2, 6):
         checker.check(TOPIC, sent[index])
-    with rejected("auth.replayed"):
-        checker.check(TOPIC, sent[5])  # before the window
+    for index in (5, 6, -2):  # the first of them is before the window
+        with rejected("auth.replayed"):
+            checker.check(TOPIC, sent[index])
 
 
 def test_each_topic_has_its_own_counter():

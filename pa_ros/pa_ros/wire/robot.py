@@ -62,6 +62,7 @@ def _transform_entries(payload: bytes) -> dict[str, tuple[str, int, bytes]]:
         expected = "little-endian CDR"
         raise WireError("tf", expected, f"bytes {payload[:4]!r}", code="wire.encoding")
     body, at, entries = payload[4:], COUNT.size, {}
+    cut = WireError("tf", "a whole TFMessage", f"{len(payload)} bytes", code="wire.truncated")
     try:
         for _ in range(*COUNT.unpack_from(body)):
             sec, nanosec, length = HEADER.unpack_from(body, at)
@@ -73,10 +74,9 @@ def _transform_entries(payload: bytes) -> dict[str, tuple[str, int, bytes]]:
             numbers, at = body[at : at + POSE.size], at + POSE.size
             entries[child.removeprefix("/")] = parent.removeprefix("/"), sec * NS + nanosec, numbers
     except struct.error:
-        at = len(body) + 1
+        raise cut from None
     if at > len(body):
-        size = f"{len(payload)} bytes"
-        raise WireError("tf", "a whole TFMessage", size, code="wire.truncated")
+        raise cut
     return entries
 
 

@@ -27,6 +27,7 @@ from pa_ros.wire import Message
 SIGNED: Final = tuple(kind for kind in vars(msg).values() if hasattr(kind, "signature"))
 KEY_BYTES: Final = 32  # least length of a key
 WINDOW: Final = 64  # how many counters a message may arrive late
+_SEEN: Final = (1 << WINDOW) - 1  # a bit for each of them
 _FIELD: Final = "signature"
 Read = Callable[[Any], Any]  # reads a field of a message
 
@@ -91,7 +92,7 @@ class Checker:
             text += f"from a sender that calls itself {mark.sender[:100]!r}"
             raise PaError(f"{topic}: {text}", code="auth.forged")
         received = self._received.get((topic, mark.sender))
-        if received is None:
+        if received is None or received.incarnation < mark.incarnation:
             received = self._received[topic, mark.sender] = _Received(mark.incarnation)
         if not received.accept(mark.incarnation, mark.counter):
             text = f"expected a new message of {mark.sender!r} (incarnation "
@@ -104,7 +105,8 @@ class Checker:
 
 @dataclass
 class _Received:
-    """Counters received from one sender on one topic; bit i of `seen` stands for highest - i."""
+    """Counters received on one topic from one start of a sender; bit i of `seen` stands for
+    highest - i."""
 
     incarnation: int
     highest: int = 0
@@ -114,11 +116,9 @@ class _Received:
         """Mark a counter as received; return whether it was new."""
         if incarnation < self.incarnation:
             return False
-        if incarnation > self.incarnation:
-            self.incarnation, self.highest, self.seen = incarnation, 0, 0
         if counter > self.highest:
             ahead = min(counter - self.highest, WINDOW)
-            self.seen = (self.seen << ahead | 1) & ((1 << WINDOW) - 1)
+            self.seen = (self.seen << ahead | 1) & _SEEN
             self.highest = counter
             return True
         behind = self.highest - counter

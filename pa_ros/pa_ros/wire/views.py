@@ -166,7 +166,7 @@ def decode_image(message: Image) -> tuple[int, NDArray[np.uint8]]:
     """
     if message.encoding not in ENCODINGS:
         expected = f"one of {', '.join(ENCODINGS)}"
-        raise WireError("image.encoding", expected, message.encoding[:50], code="wire.encoding")
+        raise WireError("image.encoding", expected, message.encoding, code="wire.encoding")
     kind, channels, colors = ENCODINGS[message.encoding]
     number = np.dtype(kind).newbyteorder(">" if message.is_bigendian else "<")
     height, width, step = message.height, message.width, message.step
@@ -195,7 +195,7 @@ def decode_camera_info(message: CameraInfo) -> Lens:
     if len(distortion) not in DISTORTIONS.get(model, ()) or not np.isfinite(distortion).all():
         models = ", ".join(filter(None, DISTORTIONS))
         expected = f"one of {models} with finite coefficients of that model"
-        got = f"{model[:50]} with {distortion.tolist()}"
+        got = f"{model} with {distortion.tolist()}"
         raise WireError("camera_info.d", expected, got, code="wire.uncalibrated")
     return Lens(matrix, model, distortion, (message.width, message.height))
 
