@@ -93,15 +93,13 @@ def test_a_robot_describes_itself_as_an_arena_does():
     robot = describe_robot(ARENA.world, speeds, 0.05)
     assert decode_arena_info(encode_arena_info(robot)) == robot
     assert (robot.mode, robot.seed, robot.block_count) == (Mode.REAL_TIME, 0, 0)
-    assert (robot.joint_names, robot.speed_limits) == (tuple(speeds), tuple(speeds.values()))
     assert set(zip(robot.joint_lower, robot.joint_upper, strict=True)) == {(-math.inf, math.inf)}
 
 
-@pytest.mark.parametrize("field", ["time_limit_s", "hold_s"])
-def test_the_times_of_a_goal_are_possible(field):
+def test_the_times_of_a_goal_are_possible():
     sent = ProgramGoal("text", 0.05, LONGEST_S)
     assert decode_goal(encode_goal(sent)) == sent
-    for value in (-0.1, math.nan, 2 * LONGEST_S):
+    for field, value in (("time_limit_s", -0.1), ("hold_s", math.nan), ("hold_s", 2 * LONGEST_S)):
         with rejected("wire.range", match=field):
             decode_goal(encode_goal(replace(sent, **{field: value})))
 

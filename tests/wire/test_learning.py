@@ -120,24 +120,16 @@ def small_policy(b: tuple[int, ...] = (4,)) -> PublishedPolicy:
     return policy(a=np.ones((2, 3), np.float32), b=np.zeros(b, np.float32))
 
 
-def test_a_tensor_has_at_most_so_many_dimensions():
+def test_what_is_just_allowed_survives_the_wire():
     most = (1,) * MAX_DIMENSIONS
-    received = decode_weights(encode_weights(small_policy(most))).snapshot
-    assert received.tensors["b"].shape == most
+    sent = replace(small_policy(most), accounted={AgentKey("a", 1): 0, AgentKey("b", 1): 1})
+    received = decode_weights(encode_weights(sent))
+    assert received.snapshot.tensors["b"].shape == most
+    assert received.accounted == {AgentKey("b", 1): 1}, "nothing of the other was taken in"
     with rejected("wire.size", match=r"'b'\]\.shape: expected 1 to 1 numbers"):
         decode_weights(encode_weights(small_policy((1, *most))))
-
-
-def test_an_agent_of_which_nothing_was_taken_in_is_not_named():
-    sent = replace(small_policy(), accounted={AgentKey("a", 1): 0, AgentKey("b", 1): 1})
-    assert decode_weights(encode_weights(sent)).accounted == {AgentKey("b", 1): 1}
-
-
-def test_full_speed_and_a_measure_of_nothing_are_allowed():
-    full, none = np.ones((3, 6), np.float32), np.zeros((4, 2))
-    sent = replace(trajectory(), actions=full, measures=none)
-    received = decode_trajectory(encode_trajectory(sent), WORLD)
-    assert same(received, sent)
+    full = replace(trajectory(), actions=np.ones((3, 6), np.float32), measures=np.zeros((4, 2)))
+    assert same(decode_trajectory(encode_trajectory(full), WORLD), full)
 
 
 shapes = hnp.array_shapes(min_dims=0, max_dims=3, min_side=1, max_side=5)

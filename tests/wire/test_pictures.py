@@ -63,11 +63,9 @@ def test_a_picture_and_what_is_known_of_its_lens_survive_the_wire() -> None:
     sent = encode_image(RGB, "camera", 2 * 10**9 + 3)
     stamp_ns, picture = decode_image(sent)
     assert (stamp_ns, picture.tolist(), sent.step) == (2 * 10**9 + 3, RGB.tolist(), 9)
-    info = encode_camera_info(np.array(K).reshape(3, 3), 640, 480, "camera", 0)
-    lens = decode_camera_info(info)
+    lens = decode_camera_info(encode_camera_info(np.array(K).reshape(3, 3), 640, 480, "camera", 0))
     assert (lens.matrix.ravel().tolist(), lens.size) == (K, (640, 480))
     assert (lens.model, lens.distortion.tolist()) == ("plumb_bob", [0.0] * 5)
-    assert info.p.reshape(3, 4).tolist() == [[*row, 0.0] for row in lens.matrix.tolist()]
 
 
 @pytest.mark.parametrize(
