@@ -98,6 +98,7 @@ def test_acts_by_the_fused_code_where_it_applies(caplog) -> None:
         one, other = (Actor(NETWORK) for _ in range(2))
     assert [record.message for record in caplog.records] == ["actor inference: fused"]
     assert inference_for(NETWORK, "auto") is FusedActor
+    assert (one.backend, Actor(NETWORK, "torch").backend) == ("fused", "torch")
     given = snapshot()
     one.load(given)
     observation, _ = PointWorld().reset(0)

@@ -37,6 +37,7 @@ def test_what_counts_as_executed(near_by_step, satisfied, ended, known_at, reach
     result, step = run(near_by_step)
     assert (result.satisfied, result.ended, step) == (satisfied, ended, known_at)
     assert (result.reached_s, result.distance) == (reached_s, pytest.approx(distance))
+    assert result.watched_s == pytest.approx(known_at / 10)
 
 
 def test_steps_that_nobody_judged_end_the_watch_unsatisfied_at_the_time_limit():
@@ -72,6 +73,7 @@ def test_a_program_that_another_replaces_before_its_first_step_is_over():
     watch = ExecutionWatch("mine")
     assert watch.observe(taken(3, True, "other")) is None
     watch.accepted(3 * STEP_NS)
+    watch.accepted(STEP_NS)  # an older answer
     assert watch.observe(taken(3, True, "other")) is None  # the step that stood, once more
     result = watch.observe(taken(4, True, "another"))
     assert (result.satisfied, result.ended, result.watched_s) == (False, "replaced", 0.0)

@@ -1,6 +1,7 @@
 """Exploration noise: its moments, and that an episode's noise is the episode's own."""
 
 import math
+from itertools import groupby
 
 import numpy as np
 
@@ -49,3 +50,7 @@ def test_at_times_a_random_action_is_held_instead() -> None:
     assert 0.15 < held.mean() < 0.35
     same = (acted[:, 1:] == acted[:, :-1]).all(-1) & held[:, 1:]
     assert 0.8 < same.sum() / held.sum() < 0.95  # held for 8 steps on average
+    begun = [[(x, len([*again])) for x, again in groupby(one)][:-1] for one in acted.tolist()]
+    steps = [count for one in begun for x, count in one if x != own.tolist()]
+    assert (min(steps), max(steps)) == (1, 15)
+    assert 0.9 < np.abs(acted).max() < 1.0

@@ -86,7 +86,8 @@ def test_trajectories_are_kept_until_accounted_for_and_say_from_where_on() -> No
     assert [(one.sequence, one.held_from) for one in sent] == [(0, 0), (1, 0), (2, 0)]
     window.receive(published(1, mine=1))
     assert held(window) == [(1, 1), (2, 1)]
-    assert window.lost == 0
+    assert window.overdue(False) == [] and len(window.overdue(True)) == 2
+    assert window.lost == 0 and not window.stalled
 
 
 def test_after_a_clean_stop_trajectories_in_flight_are_sent_again() -> None:
@@ -168,7 +169,8 @@ def test_trajectories_that_a_free_agents_learner_ignores_are_sent_again_then_los
     window.receive(published(1, mine=1))
     assert window.overdue(False) == [] and not window.stalled  # it goes on
     for m in range(FREE_WINDOW, FREE_WINDOW + 5):
-        window.add(trajectory(m))
+        sent = window.add(trajectory(m))
+    assert sent.held_from == 5 and sent.sequence == FREE_WINDOW + 4
     assert window.lost == 4 and held(window)[0] == (5, 5) and len(held(window)) == FREE_WINDOW
     window.receive(published(2, mine=2))  # an account from before the loss
     assert window.lost == 4 and held(window)[0] == (5, 5)

@@ -110,6 +110,21 @@ def test_no_transition_joins_what_did_not_follow(events) -> None:
     assert [s.sequence for s in trajectories] == list(range(len(trajectories)))
 
 
+def test_where_more_objects_are_found_or_fewer_another_trajectory_begins() -> None:
+    builder, found = TrajectoryBuilder(*AGENT), []
+    for index, count in enumerate((2, 2, 3, 3, 2, 2)):
+        observation, verdict, program = step(0, index)
+        observation = replace(observation, objects=np.zeros((count, 16), np.float32))
+        verdict = replace(verdict, measures=(float(index),))
+        done = builder.observe(observation, verdict, program)
+        found += [done] if done else []
+        builder.acted(action(0, index), 0)
+    shapes = [(t.first_step, *t.objects.shape[:2], t.ends_episode) for t in found]
+    assert shapes == [(0, 3, 2, False), (2, 2, 3, False)]
+    measures = [t.measures.ravel().tolist() for t in found if t.measures is not None]
+    assert measures == [[0.0, 1.0, 2.0], [2.0, 3.0]]
+
+
 @pytest.mark.parametrize("episode", [3, 9])
 def test_nothing_joins_on_after_a_reset_to_a_lower_or_higher_episode(episode: int) -> None:
     """Not even where step and program go on: a program that someone sent outlives episodes."""

@@ -56,6 +56,9 @@ def test_p_is_the_programs_relevance_and_the_root_is_p_of_the_blocks():
     hand = OBSERVATION.hand_index
     expected = relevance(program, found.phi.tolist(), VOCABULARY.row, hand, MIN_MAX)
     np.testing.assert_allclose(found.p, expected, atol=1e-6)
+    head, *rows = (line.split() for line in str(found).splitlines())
+    assert head == [*VOCABULARY.words, "p"] and len(rows) == len(found.objects)
+    assert (rows[hand][0], rows[hand][-1]) == ("hand", "1.00")
     assert [(node.depth, node.text) for node in found.tree] == [
         (0, "AND"), (1, "RED"), (1, "NOT"), (2, "OR"), (3, "SPHERE"), (3, "CYLINDER"),
     ]  # fmt: skip

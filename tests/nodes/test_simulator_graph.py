@@ -271,7 +271,9 @@ def test_entities_are_found_by_name_category_tags_and_bounds(probe):
     x, y, z = place(probe, "red_cube").tolist()
     sphere = [Vector3(x=x, y=y, z=z), Vector3(x=0.01)]
     assert found(filters__bounds=Bounds(type=3, points=sphere)) == ["red_cube"]
-    hull = Bounds(type=2, points=sphere)
+    box = [Vector3(x=x + 0.1, y=y + 0.1, z=1.0), Vector3(x=x - 0.1, y=y - 0.1)]
+    assert "red_cube" in found(filters__bounds=Bounds(type=1, points=box))
+    hull = Bounds(type=2, points=box)
     assert code(probe, topics.GET_ENTITIES, filters__bounds=hull) == FAILED
     features = ask(probe, topics.GET_SIMULATOR_FEATURES).features.features
     assert 11 in features and 21 not in features
