@@ -35,17 +35,6 @@ def agent_of(family: str) -> Agent:
     return agent
 
 
-def test_a_world_of_other_objects_or_another_arm_is_rejected() -> None:
-    agent, fast = agent_of("programmable"), preset_named("fast")
-    agent.check_world(world_of(fast, design_named("3-D")))
-    for world, why in (
-        (world_of(fast, design_named("sizes")), "expected 16 features of an object, got 17"),
-        (world_of(preset_named("fast", "panda"), design_named("2-L")), "an arm of 6 joints, got 7"),
-    ):
-        with pytest.raises(ActingError, match=why):
-            agent.check_world(world)
-
-
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("family", tuple(FAMILIES))
 def test_weights_act_in_other_arenas_or_reject_them_with_a_reason(family, place) -> None:

@@ -10,16 +10,13 @@ from helpers.learners import ME, WORDS, Arm, following
 from helpers.messages import judged
 from helpers.rejections import rejected
 from pa_ros.acting.agent import Agent
-from pa_ros.acting.config import ExplorationConfig
 from pa_ros.acting.executing import Actor
 from pa_ros.acting.execution import ExecutionWatch, window_s
-from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.agents import load_agent
 from pa_ros.arena import ReachTask, design_named, preset_named, scripted_action
 from pa_ros.core.experience import PublishedPolicy, Step
 from pa_ros.language import parse, parse_goal, stages
 from pa_ros.learning.checkpoints import load_policy
-from pa_ros.networks.config import actor_config
 
 FAST, DESIGN = preset_named("fast"), design_named("3-D")
 
@@ -103,20 +100,6 @@ def test_of_several_blocks_and_places_the_two_nearest_to_each_other_are_brought_
         block, place = np.unravel_index(away.argmin(), away.shape)
         alone = replace(observation, objects=objects[[0, 1 + block, (one, other)[place]]])
         assert np.array_equal(actor.act(observation, program), actor.act(alone, program))
-
-
-def test_noise_is_added_to_the_action_for_the_object_that_a_comparison_chooses() -> None:
-    policy = load_policy(Path("shipped:3-D"))
-    quiet = ExplorationNoise(ExplorationConfig(sigma=0.0), 0.1, 0, 6)
-    exploring = Actor(actor_config(policy.architecture), noise=quiet)
-    exploring.load(policy)
-    program = parse("NEAR(HAND, FARTHEST(NOT(RED)))", DESIGN.vocabulary)
-    observation, _ = ReachTask(FAST, DESIGN, seed=1).reset(0)
-    acted = exploring.act(observation, program)
-    np.testing.assert_array_equal(exploring.explore(observation, program), acted)
-    assert not np.array_equal(exploring.act(observation, program.sets_alone), acted)
-    meant = exploring.relevance(observation, program)
-    assert sum(p > 0.5 for p in meant) == 2, "the hand and one block"
 
 
 def test_a_nearer_block_about_which_the_agent_is_undecided_is_not_gone_for() -> None:

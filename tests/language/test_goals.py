@@ -189,21 +189,16 @@ def test_phi_alone_has_no_meaning_for_a_program_that_avoids() -> None:
         compile_program(parse(f"AVOID(BLUE, {P})", WORDS), WORDS)
 
 
+NOTHING = "program.names_nothing"
 IMPOSSIBLE = {  # text: code, the part of it under the caret
-    f"THEN({P}, NEAR(HAND, AND(RED, SPHERE)))": ("program.names_nothing", "AND(RED, SPHERE)"),
-    f"AVOID(AND(RED, SPHERE), {P})": ("program.names_nothing", "AND(RED, SPHERE)"),
+    f"THEN({P}, NEAR(HAND, AND(RED, SPHERE)))": (NOTHING, "AND(RED, SPHERE)"),
+    f"AVOID(AND(RED, SPHERE), {P})": (NOTHING, "AND(RED, SPHERE)"),
     f"THEN({P}, AVOID(CUBE, NEAR(HAND, RED)))": ("program.avoids_target", "CUBE"),
     f"AVOID(CUBE, THEN(NEAR(HAND, SPHERE), AVOID(BLUE, {P})))": ("program.avoids_target", "CUBE"),
     "AVOID(RED, NEAR(RED, SPHERE))": ("program.avoids_target", "RED"),
     f"ALL({P}, NEAR(SPHERE, SPHERE))": ("program.itself", "SPHERE"),
-    "AVOID(RED, AVOID(SPHERE, NEAR(HAND, AND(BLUE, RED))))": (
-        "program.names_nothing",
-        "AND(BLUE, RED)",
-    ),
-    "AVOID(RED, AVOID(AND(RED, SPHERE), NEAR(HAND, BLUE)))": (
-        "program.names_nothing",
-        "AND(RED, SPHERE)",
-    ),
+    "AVOID(RED, AVOID(SPHERE, NEAR(HAND, AND(BLUE, RED))))": (NOTHING, "AND(BLUE, RED)"),
+    "AVOID(RED, AVOID(AND(RED, SPHERE), NEAR(HAND, BLUE)))": (NOTHING, "AND(RED, SPHERE)"),
 }
 
 

@@ -13,7 +13,7 @@ from helpers.messages import texts
 from helpers.rejections import rejected
 from msgs_schema.srv import Reset, SetSpeed
 from pa_ros.language import ProgramError, Vocabulary
-from pa_ros.wire.arena import Mode, decode_arena_info, describe_robot, encode_arena_info
+from pa_ros.wire.arena import decode_arena_info, encode_arena_info
 from pa_ros.wire.program import (
     LONGEST_S,
     ProgramGoal,
@@ -86,14 +86,6 @@ def test_malformed_arenas_are_rejected(field, value, code):
     setattr(message, field, value)
     with rejected(code):
         decode_arena_info(message)
-
-
-def test_a_robot_describes_itself_as_an_arena_does():
-    speeds = dict(zip(ARENA.joint_names, (0.05, 1.0, 1.5) * 2, strict=True))
-    robot = describe_robot(ARENA.world, speeds, 0.05)
-    assert decode_arena_info(encode_arena_info(robot)) == robot
-    assert (robot.mode, robot.seed, robot.block_count) == (Mode.REAL_TIME, 0, 0)
-    assert set(zip(robot.joint_lower, robot.joint_upper, strict=True)) == {(-math.inf, math.inf)}
 
 
 def test_the_times_of_a_goal_are_possible():
