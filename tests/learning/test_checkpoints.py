@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ from pa_ros.learning.algorithms.dpg.config import DPGConfig
 from pa_ros.learning.checkpoint_files import find_checkpoint, make_latest, newest_whole
 from pa_ros.learning.checkpoints import load_policy, read_metadata, restore, save_checkpoint
 from pa_ros.learning.errors import CheckpointError, DivergedError
+from pa_ros.learning.folder import holds_checkpoint
 from pa_ros.learning.learner import Learner
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world.schema import PAPER
@@ -147,6 +149,8 @@ def test_a_damaged_latest_costs_nothing(saved) -> None:
     newest, damage = newest_whole(saved)
     assert newest.name == "version-000000005" and "LATEST: names no checkpoint" in damage
     assert "version-000000006, found none" in damage
+    (saved / "LATEST").unlink()
+    assert holds_checkpoint(saved.parent), "which is not begun anew"
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -159,6 +163,7 @@ def test_a_damaged_checkpoint_costs_no_more_than_itself(saved, name, damage) -> 
     assert whole.name == "version-000000004" and "resumes from version-000000004" in reason
     again = learner()
     restore(whole, again)
+    (saved / "damaged-version-000000005" / "of an earlier time").mkdir(parents=True)
     make_latest(whole)
     for sequence in (5, 6):
         again.consume(random_trajectory(np.random.default_rng(0), sequence=sequence))
@@ -187,6 +192,25 @@ def test_a_file_system_that_cannot_sync_a_folder_keeps_checkpoints(tmp_path, mon
     monkeypatch.setattr(os, "fsync", sync)
     run(tmp_path / "run", 40)
     assert newest_whole(tmp_path / "run" / "checkpoint")[1] == ""
+
+
+def test_all_content_is_on_the_disk_before_a_name_leads_to_it(tmp_path, monkeypatch) -> None:
+    done, moves = list[str](), {"rename": os.rename, "replace": os.replace}
+
+    def move(name: str, *paths: Path) -> None:
+        done.append(name)
+        moves[name](*paths)
+
+    def sync(descriptor: int) -> None:
+        assert os.fstat(descriptor).st_size, "nothing waits in a buffer"
+        done.append(Path(os.readlink(f"/proc/self/fd/{descriptor}")).name)
+
+    monkeypatch.setattr(os, "fsync", sync)
+    for name in moves:
+        monkeypatch.setattr(os, name, partial(move, name))
+    save_checkpoint(tmp_path, learner())
+    written = [*FILES, "SHA256SUMS", ".version-000000000"]
+    assert done == [*written, "rename", tmp_path.name, ".LATEST", "replace", tmp_path.name]
 
 
 def test_a_folder_that_cannot_be_written_ends_a_run_before_it_starts(tmp_path, monkeypatch) -> None:

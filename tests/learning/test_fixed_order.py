@@ -13,7 +13,7 @@ from pa_ros.learning.errors import LearningError
 from pa_ros.learning.fixed_order import FixedOrder, in_fixed_order
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.recipes import LearningSettings
-from pa_ros.learning.run import LearningRun
+from pa_ros.learning.run import AHEAD, LearningRun
 from pa_ros.world import Trajectory
 
 SMALL = small(0, 4, 8, attention=4)
@@ -60,6 +60,14 @@ def test_a_missing_trajectory_is_waited_for_and_named_by_its_agent():
     assert order.awaited == "a" and len(order) == 1
     assert list(order.ready(trajectory(1, "a"))) == []  # its first is still under way
     assert order.awaited == "a"
+
+
+def test_a_working_agent_is_no_farther_ahead_than_it_can_be() -> None:
+    run = run_of("arrival", policy_lag=3)
+    run.check_sender(trajectory(0))
+    run.check_sender(replace(trajectory(AHEAD + 3), held_from=9))
+    with pytest.raises(LearningError, match=f"at most number {AHEAD + 3} of 'a', got {AHEAD + 4}:"):
+        run.check_sender(replace(trajectory(AHEAD + 4), held_from=9))
 
 
 def test_an_agent_without_a_place_is_rejected():

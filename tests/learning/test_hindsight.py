@@ -14,6 +14,7 @@ from pa_ros.learning.config import HindsightConfig
 from pa_ros.learning.learner import Learner
 from pa_ros.learning.replay_buffer.buffer import ReplayBuffer
 from pa_ros.learning.rules.hindsight import Hindsight, Moved
+from pa_ros.learning.rules.kinds import Kinds
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.world import Scoring, Trajectory
 from pa_ros.world.measures import ProgramMeasures
@@ -50,6 +51,7 @@ def position(arm: np.ndarray, objects: np.ndarray, which: int) -> np.ndarray:
 def test_rewards_are_the_verifiers_of_the_moved_places(replay: ReplayBuffer) -> None:
     made = hindsight(either=0.5)
     drawn = made.draw(np.random.default_rng(1), replay, 500)
+    assert drawn.program.shape == drawn.reward.shape == (500, 1)
     table = ProgramTable(WORDS)
     for program in made.programs:
         table.add(program)
@@ -66,6 +68,15 @@ def test_rewards_are_the_verifiers_of_the_moved_places(replay: ReplayBuffer) -> 
     assert {-1.0, 1.0} == set(drawn.reward[:, 0])
 
 
+def test_kinds_of_objects_and_the_hand_are_in_the_sets_of_a_program() -> None:
+    table = ProgramTable(WORDS, [parse("NEAR(HAND, PLACE)", WORDS)])
+    kinds = Kinds(PUSH)
+    hand = len(kinds.features) - 1  # the last kind, after those of places
+    moved, target, _ = kinds.sets(table)
+    assert np.flatnonzero(moved).tolist() == [hand] and target[0, hand - 1]
+    assert kinds.named(table)[0, hand - 1]
+
+
 def test_a_place_moves_to_where_the_moved_block_later_was(replay: ReplayBuffer) -> None:
     drawn = hindsight(moved=1, future=1, cross=0).draw(np.random.default_rng(1), replay, 300)
     about_cube = [i for i, text in enumerate(TEXTS) if "CUBE" in text]
@@ -77,6 +88,12 @@ def test_a_place_moves_to_where_the_moved_block_later_was(replay: ReplayBuffer) 
     ahead = (before - cube)[rows]  # the cube goes along x
     assert (ahead[:, 0] > -0.15).all() and (np.abs(ahead[:, 1]) < 0.15).all()
     assert ahead[:, 0].mean() > 0.3
+    made = hindsight(moved=1, future=1, cross=0, either=1)  # the sphere stays, so it is no matter
+    both = [*map(str, made.programs)].index("NEAR(OR(AND(RED, SPHERE), CUBE), PLACE)")
+    drawn = made.draw(np.random.default_rng(1), replay, 300)
+    cube = position(drawn.next_arm, drawn.next_objects, CUBE)
+    away = (places(drawn)[0] - cube)[drawn.program[:, 0] == both, 1]
+    assert len(away) > 5 and (np.abs(away) < 0.15).all()
 
 
 def test_a_place_may_move_to_where_another_block_was(replay: ReplayBuffer) -> None:

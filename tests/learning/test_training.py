@@ -131,6 +131,9 @@ def test_resuming_is_not_stopping(tmp_path, engine, lag, per_frame) -> None:
 
     assert [float(row["frames"]) for row in curve("a")] == list(range(40, 801, 40))
     assert curve("a") == curve("b")
+    with (tmp_path / "b/progress.csv").open(newline="") as file:
+        walls = [float(row["wall_s"]) for row in csv.DictReader(file)]
+    assert 0 < walls[0] and walls == sorted(walls) and walls[-1] < 600
 
 
 def test_a_run_cut_off_repeats_what_its_checkpoint_lacks(tmp_path) -> None:

@@ -192,7 +192,7 @@ def packed(arrays: Arrays) -> Pieces:
         header[name] = {"dtype": kind, "shape": array.shape, "data_offsets": offsets}
     text = json.dumps(header).encode()
     text += b" " * (-len(text) % 8)
-    flat = (content[name].reshape(-1).view(np.uint8) for name in names)
+    flat = (content[name].ravel().view(np.uint8) for name in names)
     return [struct.pack("<Q", len(text)), text, *flat]
 
 

@@ -212,7 +212,5 @@ def _repeated(values: NDArray[Any], count: int, axis: int) -> NDArray[Any]:
 
 def hand_first(values: NDArray[Any], hand_index: int, axis: int) -> NDArray[Any]:
     """Move the hand to index 0 of an axis of objects, keeping the order of the others."""
-    if hand_index == 0:
-        return values
     others = [i for i in range(values.shape[axis]) if i != hand_index]
     return values.take([hand_index, *others], axis)
