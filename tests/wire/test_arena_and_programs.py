@@ -13,7 +13,7 @@ from helpers.messages import texts
 from helpers.rejections import rejected
 from msgs_schema.srv import Reset, SetSpeed
 from pa_ros.language import ProgramError, Vocabulary
-from pa_ros.wire.arena import decode_arena_info, encode_arena_info
+from pa_ros.wire.arena import decode_arena_info, describe_robot, encode_arena_info
 from pa_ros.wire.program import (
     LONGEST_S,
     ProgramGoal,
@@ -61,7 +61,10 @@ def test_near_between_two_objects_has_its_own_threshold():
 
 
 def test_an_arena_survives_the_wire():
-    assert decode_arena_info(encode_arena_info(ARENA)) == ARENA
+    robot = describe_robot(ARENA.world, dict.fromkeys(ARENA.joint_names, 0.05), 0.05)
+    assert (robot.seed, robot.block_count) == (0, 0)
+    for sent in (ARENA, robot):
+        assert decode_arena_info(encode_arena_info(sent)) == sent
 
 
 @pytest.mark.parametrize(

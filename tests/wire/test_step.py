@@ -37,7 +37,7 @@ distances = st.floats(0, allow_nan=False)
 def test_a_step_survives_the_wire(seed, count, episode, step, stamp, text, evaluation, distance):
     seen = observation(seed, count)
     seen = replace(seen, episode=episode, step=step, stamp_ns=stamp, program_id=text)
-    at = Verdict(1.0, evaluation, distance, not evaluation, step // 2, evaluation)
+    at = Verdict(1.0, evaluation, distance, not evaluation, step // 2, evaluation, (distance, 0.5))
     verdict = at if seed % 3 else None
     sent = Step(seen, verdict, text, evaluation, EXECUTED if seed % 2 else None, text)
     message = encode_step(sent)
