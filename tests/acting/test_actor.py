@@ -123,6 +123,7 @@ def test_other_refusals() -> None:
     observation, _ = PointWorld().reset(0)
     with pytest.raises(ActingError, match="got none"):
         actor.act(observation, PROGRAMS[0])
+    assert actor.relevance(observation, PROGRAMS[0]) == ()
     actor.load(snapshot())
     unknown = parse("NEAR(HAND, GREEN)", Vocabulary.of(shape=("CUBE",), color=("GREEN",)))
     with pytest.raises(ProgramError):

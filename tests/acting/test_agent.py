@@ -47,6 +47,7 @@ def test_a_greedy_agent_knows_its_first_weights_before_its_first_step() -> None:
     assert not agent.has_weights
     with pytest.raises(ActingError, match="expected weights"):
         _ = agent.version
+    agent.follow(LEARNER, FACTS)
     agent.offer(published(3))
     assert agent.has_weights and agent.version == 3
 

@@ -8,6 +8,7 @@ from pa_ros.acting.errors import ActingError
 from pa_ros.arena import ReachTask, design_named, preset_named, world_of
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import AgentKey, PolicySnapshot, PublishedPolicy, Step
+from pa_ros.language import Then
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import FAMILIES
 from pa_ros.networks.parameters import initial_actor
@@ -44,7 +45,8 @@ def test_weights_act_in_other_arenas_or_reject_them_with_a_reason(family, place)
     agent.prepare()
     if place == "usual":
         agent.check_program(task.program)
-        p = agent.relevance(Step(observation), task.program)
+        assert Agent(agent.key).relevance(Step(observation), task.program) == ()
+        p = agent.relevance(Step(observation), Then((task.program, task.program)))
         knows = FAMILIES[family].evaluates_programs
         assert len(p) == (len(observation.objects) if knows else 0)
         assert agent.act().any()
