@@ -40,6 +40,7 @@ def test_a_block_is_at_the_pixel_to_which_it_projects(task: ReachTask, view, wid
     model = task.simulation.model
     camera = Camera(model, view, width, height)
     matrix, pose = intrinsics(model, view, width, height), optical_pose(model, view)
+    assert matrix[:2, 2].tolist() == [(width - 1) / 2, (height - 1) / 2]
     seen = 0
     try:
         for episode in range(4):  # other blocks, so other models

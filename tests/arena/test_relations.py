@@ -118,4 +118,19 @@ def test_pictures_draw_a_line_around_where_a_relation_holds(relation: str) -> No
     line, hand = outline(task), task.simulation.positions[0]
     around = hand if relation == "NEAR" else nearest_target(task)
     assert (np.linalg.norm(line - around[:2], axis=1) <= 0.3).all()
-    assert top_view(task, 96).shape == (96, 96, 3)
+    picture = top_view(task).astype(int)
+    assert picture.shape == (480, 480, 3)
+
+    def seen(place: np.ndarray, right: int = 0) -> np.ndarray:
+        """The color at a place (m), or some pixels to its right."""
+        return picture[int(240 - 300 * place[1]), int(240 + 300 * place[0]) + right]
+
+    black = [seen(place).max() < 60 for place in line if np.abs(place).max() < 0.79]
+    assert 0.1 < np.mean(black) < 0.9, "a dotted line"
+    for i, block in enumerate(task.episode.blocks, 1):
+        colors = [seen(task.simulation.positions[i], right) for right in range(16)]
+        if i in task.verifier.named:
+            assert min(color.max() for color in colors[8:13]) < 60, "a black edge"
+        else:
+            assert np.abs(colors[:8] - 255 * np.array(block.look.rgb)).max() < 2
+            assert (colors[15] == (232, 224, 216)).all(), "the table"
