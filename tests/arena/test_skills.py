@@ -37,24 +37,6 @@ def test_a_design_has_the_conditions_the_reference_and_the_preset_of_its_skill()
     assert len(task.episode.blocks) == 2 and not scripted_action(task).any()
 
 
-@pytest.mark.parametrize(
-    ("name", "texts"),
-    [
-        ("3-D", ["AND(RED, SPHERE)", "AND(RED, CUBE)", "RED", "CUBE", "AND(NOT(RED), SPHERE)",
-                 "OR(AND(RED, SPHERE), AND(RED, CUBE))"]),
-        ("push-3D", ["AND(RED, CYLINDER), AND(BLUE, PLACE)", "AND(RED, CUBE), AND(RED, PLACE)",
-                     "AND(RED, CYLINDER), AND(RED, CUBE)", "RED, AND(RED, PLACE)",
-                     "AND(NOT(RED), CYLINDER), AND(RED, PLACE)", "HAND, AND(RED, CUBE)"]),
-    ],
-)  # fmt: skip
-def test_programs_to_show_are_new_in_different_ways(name: str, texts: list[str]) -> None:
-    design = design_named(name)
-    shown = design.skill.demo(design)
-    start = "NEAR(" if design.places else "NEAR(HAND, "
-    assert [one.text for one in shown] == [f"{start}{text})" for text in texts]
-    assert [one.targets for one in shown] == ([2] * 5 + [1] if design.places else [1] * 5 + [2])
-
-
 def test_an_unknown_skill_is_rejected() -> None:
     with pytest.raises(ConfigError, match="unknown skill: expected one of .*'reach'"):
         _ = replace(design_named("2-L"), skill_name="juggle").skill

@@ -64,6 +64,9 @@ def test_the_urdf_puts_the_hand_where_the_model_has_it(arm):
         speed = config.joint_speed_limits[i]
         assert limit == pytest.approx({"velocity": speed, "effort": 0.0, **ends})
     assert numbers(next(robot.iter("color")).get("rgba")) == pytest.approx([0.8, 0.82, 0.86, 1.0])
+    base = robot.find("link[@name='world']/visual")
+    height = float(base.find("geometry/cylinder").get("length"))
+    assert pose_of(base.find("origin"))[2, 3] == pytest.approx(height / 2), "it stands on the table"
     rng = np.random.default_rng(0)
     for _ in range(20):
         observation, _ = task.step(rng.uniform(-1, 1, config.joints))
