@@ -80,6 +80,8 @@ def test_the_arm_starts_near_no_block_and_stays_in_its_range(config: ArenaConfig
     ],
 )
 def test_wrong_arms_are_rejected(change, shown) -> None:  # type: ignore[no-untyped-def]
+    one = replace(ARMS["jaco"], joints=ARMS["jaco"].joints[:1], speeds={"fast": (1.0,)})
+    assert one.joint_names == ("joint_1",)
     with pytest.raises(ConfigError, match=shown):
         replace(ARMS["jaco"], **change)
 

@@ -19,6 +19,7 @@ WORDS = Vocabulary.of(shape=VALUES["shape"], color=VALUES["color"])
         ("thresholds", (-0.1,), "-0.1"),
         ("episode_steps", 0, "got 0"),
         ("joint_speed_limits", (1.0,) * 5, "(1.0, 1.0, 1.0, 1.0, 1.0)"),
+        ("control_period_s", 0.105, "expected a multiple of timestep_s = 0.01, got 0.105"),
         ("arm", "panda", "expected 7 numbers, the joints of panda, got 6"),
     ],
 )

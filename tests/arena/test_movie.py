@@ -29,6 +29,7 @@ def test_an_image_file_has_every_picture_and_colors_that_appear_later(tmp_path, 
     with Image.open(path) as film:
         assert film.info["loop"] == 0
         shown = [np.asarray(one.convert("RGB")).astype(int) for one in ImageSequence.Iterator(film)]
+        assert film.info["duration"] == 200
     assert len(shown) == 6
     for i, color in ((0, RED), (5, GREEN)):
         assert np.abs(shown[i][i + 4, i + 4] - color).max() < 40
@@ -55,7 +56,10 @@ def test_an_mp4_without_the_extra_is_rejected(monkeypatch, tmp_path):
 def test_a_caption_is_below_the_picture_and_cut_to_its_width():
     picture = np.zeros((60, 90, 3), dtype=np.uint8)
     short = captioned(picture, ["RED", "step 1"])
-    assert (short[:60] == picture).all() and short.shape[1:] == (90, 3)
+    assert (short[:60] == picture).all() and short.shape == (94, 90, 3)
+    red = captioned(np.zeros((60, 340, 3), np.uint8), ["RED", "step 1"], "red").astype(int)
+    assert red.shape == (60 + 2 * 14 + 12, 340, 3) and (red[60:69] == 255).all()
+    assert (red[69:76, :, 0] == red[69:76, :, 1]).all() and (red[83:91, :, 0] == 255).all()
     long = captioned(picture, ["RED" * 50, "step 1"])
     assert long.shape == short.shape and (long[60:, -4:] == 255).all(), "a margin stays"
     assert captioned(picture, ["", ""]).min() == 0 and (captioned(picture, [""])[60:] == 255).all()

@@ -1,6 +1,7 @@
 """Relations in the arena: episodes, verdicts and pictures."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -33,16 +34,6 @@ def test_programs_have_every_relation_and_depend_on_the_seed_alone() -> None:
     assert str(task.program) == asked[7]
     assert len(training_programs(SIX)) == 6 * len(training_programs(TWO_L))
     assert {str(program) for program in training_programs(SIX)} >= set(asked)
-
-
-def test_a_single_relation_uses_no_random_number() -> None:
-    """So the episodes of one relation have the same blocks as those of another."""
-    near, above = (ReachTask(FAST, TWO_L.with_relations(name), 3) for name in ("NEAR", "ABOVE"))
-    for index in range(5):
-        near.reset(index)
-        above.reset(index)
-        assert near.episode.blocks == above.episode.blocks
-        assert near.program.target == above.program.target
 
 
 def test_conditions_of_one_relation_use_only_that_relation() -> None:
@@ -118,4 +109,22 @@ def test_pictures_draw_a_line_around_where_a_relation_holds(relation: str) -> No
     line, hand = outline(task), task.simulation.positions[0]
     around = hand if relation == "NEAR" else nearest_target(task)
     assert (np.linalg.norm(line - around[:2], axis=1) <= 0.3).all()
-    assert top_view(task, 96).shape == (96, 96, 3)
+    picture = top_view(task).astype(int)
+    assert picture.shape == (480, 480, 3)
+
+    def seen(place: np.ndarray, right: int = 0) -> np.ndarray:
+        """The color at a place (m), or some pixels to its right."""
+        return picture[int(240 - 300 * place[1]), int(240 + 300 * place[0]) + right]
+
+    black = [seen(place).max() < 60 for place in line if np.abs(place).max() < 0.79]
+    assert 0.1 < np.mean(black) < 0.9, "a dotted line"
+    links = task.simulation.link_positions
+    arm = [(seen((a + b) / 2) == (85, 85, 96)).all() for a, b in pairwise(links[1:])]
+    assert sum(arm) >= 3
+    for i, block in enumerate(task.episode.blocks, 1):
+        colors = [seen(task.simulation.positions[i], right) for right in range(16)]
+        if i in task.verifier.named:
+            assert min(color.max() for color in colors[8:13]) < 60, "a black edge"
+        else:
+            assert np.abs(colors[:8] - 255 * np.array(block.look.rgb)).max() < 2
+            assert (colors[15] == (232, 224, 216)).all(), "the table"

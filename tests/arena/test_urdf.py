@@ -58,6 +58,15 @@ def test_the_urdf_puts_the_hand_where_the_model_has_it(arm):
     assert not list(robot.iter("box")), "the table is not part of the arm"
     names = [j.get("name") for j in robot.iter("joint")]
     assert names[:-1] == list(ARMS[arm].joint_names) and names[-1] == "hand_link_fixed"
+    limits = [{name: float(text) for name, text in one.items()} for one in robot.iter("limit")]
+    for i, (joint, limit) in enumerate(zip(ARMS[arm].joints, limits, strict=True)):
+        ends = {"lower": joint.lower, "upper": joint.upper} if i or joint.limits else {}
+        speed = config.joint_speed_limits[i]
+        assert limit == pytest.approx({"velocity": speed, "effort": 0.0, **ends})
+    assert numbers(next(robot.iter("color")).get("rgba")) == pytest.approx([0.8, 0.82, 0.86, 1.0])
+    base = robot.find("link[@name='world']/visual")
+    height = float(base.find("geometry/cylinder").get("length"))
+    assert pose_of(base.find("origin"))[2, 3] == pytest.approx(height / 2), "it stands on the table"
     rng = np.random.default_rng(0)
     for _ in range(20):
         observation, _ = task.step(rng.uniform(-1, 1, config.joints))

@@ -50,8 +50,8 @@ def test_a_namespace_selects_one_of_several_topics(tmp_path):
 
 
 def test_an_independent_reader_sees_sequence_numbers_times_and_definitions(tmp_path):
-    written(tmp_path / "bag", 3)
-    with storage_file(tmp_path / "bag").open("rb") as stream:
+    written(tmp_path / "new" / "bag", 3)
+    with storage_file(tmp_path / "new" / "bag").open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
         summary = reader.get_summary()
         found = list(reader.iter_decoded_messages())
@@ -69,8 +69,15 @@ def test_an_independent_reader_sees_sequence_numbers_times_and_definitions(tmp_p
 def test_a_bag_is_split_by_time_and_size(tmp_path, limits):
     bag = written(tmp_path / "bag", 10, 40_000, **limits)
     assert bag.size == sum(p.stat().st_size for p in bag.folder.glob("bag*"))
-    about = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text())
-    files = about["rosbag2_bagfile_information"]["files"]
+    text = (tmp_path / "bag" / "metadata.yaml").read_text()
+    about = yaml.safe_load(text)["rosbag2_bagfile_information"]
+    files, times = about["files"], [about, *about["files"]]
+    starts = [one["starting_time"]["nanoseconds_since_epoch"] for one in times]
+    assert starts[:2] == [START, START] and starts[1:] == sorted(set(starts[1:]))
+    length, *lengths = (one["duration"]["nanoseconds"] for one in times)
+    assert (length, sum(lengths)) == (9 * 10**9, (10 - len(files)) * 10**9)
+    assert about["message_count"] == 10
+    assert [one["message_count"] for one in about["topics_with_message_count"]] == [10]
     assert len(files) in (4, 5) and sum(file["message_count"] for file in files) == 10
     assert [file["path"].count("_") for file in files] == [0] + [1] * (len(files) - 1)
     assert identifiers(tmp_path / "bag") == list(range(10))
@@ -201,6 +208,8 @@ def test_info_tells_what_was_lost_and_what_was_published_before(tmp_path, capsys
     with BagWriter(tmp_path / "bag") as bag:
         bag.add(TOPIC)
         bag.custom = {LOST: '{"/program": 3}', BEFORE: '{"/program": 2}'}
+    with Bag(tmp_path / "bag") as empty:
+        assert (empty.first_ns, empty.duration_s) == (0, 0.0)
     assert main(["bag", "info", str(tmp_path / "bag")]) == 0
     said = "/program  msgs_schema/msg/Program  0, 3 lost while recording, 2 published before"
     assert said in capsys.readouterr().out

@@ -124,6 +124,24 @@ def replayed(bag: Path, **altered):
         return ArenaReplay(replace(arena, **altered)), next(experience.used(arena.world)).trajectory
 
 
+@pytest.mark.parametrize(
+    ("parameters", "altered"),
+    [({"condition": "train", "blocks": 0}, 0), ({"condition": "eval"}, 3),
+     ({"condition": "train", "blocks": 3}, 3)],
+)  # fmt: skip
+def test_the_arena_is_repeated_as_it_was_started(learned, parameters, altered):
+    with Bag(learned) as bag:
+        found = Experience.read(bag)
+        (arena,) = found.arenas
+        own = replace(found.learner, learner=None, instance=arena.arena_id, parameters=parameters)
+        assert verify(replace(found, origins=[*found.origins, own])).altered == altered
+
+
+def test_a_run_that_pushes_is_repeated_with_its_places(tmp_path):
+    assert train(tmp_path, "--record", tmp_path / "bag", "--design", "push-2", frames=100) == 0
+    assert verified(tmp_path / "bag").equal
+
+
 def test_an_altered_first_row_is_found_and_named(learned):
     arena, trajectory = replayed(learned)
     trajectory.objects[0, 1, 1] += 1e-3

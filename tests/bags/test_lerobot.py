@@ -9,6 +9,9 @@ import pytest
 
 from helpers.recordings import STEPS, Acted, acted, recorded, rewritten
 from pa_ros.bags.episodes import episodes
+from pa_ros.bags.errors import BagError
+from pa_ros.bags.experience import newest_arena
+from pa_ros.bags.lerobot import export_lerobot
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.main import main
 
@@ -22,7 +25,9 @@ CAMERA = "observation.images.top"
 def dataset(stepped, tmp_path_factory):
     pytest.importorskip("av", reason="the extra `film` is not installed")
     folder = tmp_path_factory.mktemp("lerobot") / "set"
-    assert main(["bag", "export", str(stepped), "--lerobot", str(folder), "--video", "32"]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pa_ros.bags.lerobot.PER_CHUNK", 1)  # films
+        assert main(["bag", "export", str(stepped), "--lerobot", str(folder), "--video", "32"]) == 0
     return folder
 
 
@@ -64,6 +69,15 @@ def test_episodes_say_where_their_frames_and_programs_are(dataset):
         assert len(own) == row["length"] and {*own["episode_index"]} == {row["episode_index"]}
         assert {*own["task_index"]} == {*tasks.loc[row["tasks"]]["task_index"]}
         assert row["tasks"][0].startswith("NEAR(HAND, ")
+        assert row[f"videos/{CAMERA}/from_timestamp"] == 0.0
+        assert row[f"videos/{CAMERA}/to_timestamp"] == pytest.approx(row["length"] / 10)
+        state = np.stack(own["observation.state"]).astype(np.float64)
+        quantile = row["stats/observation.state/q10"]
+        np.testing.assert_allclose(quantile, np.quantile(state, 0.1, axis=0), atol=1e-9)
+    assert [row["dataset_from_index"] for row in rows] == [0, STEPS]
+    assert info["splits"] == {"train": "0:2"} and info["chunks_size"] == 1
+    places = [row[f"videos/{CAMERA}/chunk_index"] for row in rows]
+    assert places == [0, 1] and {row["data/chunk_index"] for row in rows} == {0}
 
 
 def executed(goal: str, steps: list[Acted], reached: int = 99, given_up: int = 99) -> list[Any]:
@@ -114,13 +128,20 @@ def test_statistics_are_those_of_all_frames(dataset):
                         ("std", state.std(0))):  # fmt: skip
         np.testing.assert_allclose(own[name], value, atol=1e-9)
     assert own["count"] == [len(frames)] and np.shape(found[CAMERA]["mean"]) == (3, 1, 1)
+    halves = [np.quantile(half, 0.9, axis=0) for half in np.split(state, 2)]
+    np.testing.assert_allclose(own["q90"], np.mean(halves, axis=0), atol=1e-9)
+    assert found[CAMERA]["count"] == [2 * 3] and 0.9 < np.max(found[CAMERA]["max"]) <= 1.0
 
 
 def test_films_have_a_picture_for_each_frame(dataset):
     import av
 
     info = described(dataset)
-    assert info["features"][CAMERA]["shape"] == [32, 32, 3]
+    feature = info["features"][CAMERA]
+    about = dict(codec="h264", pix_fmt="yuv420p", fps=10, height=32, width=32, channels=3)
+    about = {f"video.{name}": value for name, value in about.items()}
+    assert feature["info"] == about | {"video.is_depth_map": False, "has_audio": False}
+    assert (feature["shape"], feature["dtype"]) == ([32, 32, 3], "video")
     for row in pq.read_table(dataset / "meta/episodes/chunk-000/file-000.parquet").to_pylist():
         place = {k: row[f"videos/{CAMERA}/{k}"] for k in ("chunk_index", "file_index")}
         path = dataset / info["video_path"].format(video_key=CAMERA, **place)
@@ -141,6 +162,13 @@ def test_episodes_are_cut_where_steps_or_actions_are_missing(changing, stepped, 
     assert "does not contain episodes [99]" in capsys.readouterr().err
     assert main(["bag", "export", str(stepped), "--lerobot", str(tmp_path / "set")]) == 2
     assert "already exists: name another folder" in capsys.readouterr().err
+
+
+def test_a_period_that_no_film_has_is_rejected(stepped, tmp_path):
+    with Bag(stepped) as bag:
+        arena = replace(newest_arena(bag), control_period=0.03)
+        with pytest.raises(BagError, match="whole number of frames per second, got .* 0.03 s"):
+            export_lerobot(episodes(bag), arena, tmp_path / "set")
 
 
 def without_a_step(topic, message):

@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
+from helpers.pictures import captions
 from helpers.recordings import STEPS, acted, rearranged, rewritten
 from pa_ros.bags.episodes import RecordedEpisode, episodes
 from pa_ros.bags.experience import arenas_of
+from pa_ros.bags.export import export as export_episodes
 from pa_ros.bags.film import RecordedScene
 from pa_ros.bags.reader import Bag
 from pa_ros.cli.main import main
@@ -135,6 +137,11 @@ def test_exported_arrays_are_what_was_recorded(stepped, tmp_path, capsys):
         np.testing.assert_allclose(arrays["stamp_s"], expected)
     assert export(stepped, "--out", tmp_path / "out") == 2
     assert "already exists" in capsys.readouterr().err
+    twice = [first_episode(stepped)[0]] * 2
+    assert export_episodes(twice, tmp_path / "twice") == 2
+    assert {p.stem for p in (tmp_path / "twice").glob("*.npz")} == {
+        "episode-000007", "episode-000007-2"
+    }  # fmt: skip
 
 
 def test_exported_objects_that_are_absent_are_nan(changing, tmp_path):
@@ -222,9 +229,14 @@ def film(bag: Path, out: Path, *arguments: str) -> int:
     return main(["bag", "film", str(bag), *chosen, *arguments])
 
 
-def test_a_film_has_a_picture_of_each_step_at_the_arenas_speed(stepped, tmp_path, capsys):
-    out = tmp_path / "film.gif"
+def test_a_film_has_a_picture_of_each_step_at_the_arenas_speed(
+    stepped, tmp_path, capsys, monkeypatch
+):
+    out, said = tmp_path / "film.gif", captions(monkeypatch, "pa_ros.bags.film.captioned")
     assert film(stepped, out, "--evaluation") == 0
+    _, verdict, *_ = acted()[STEPS + 3]
+    told = f"reward {verdict.reward:+.2f}   distance {verdict.distance:.2f} m"
+    assert said[2] == (str(acted()[-1][3]), f"step 2   {told}") and len(said) == STEPS + 1
     with Image.open(out) as picture:
         assert picture.format == "GIF" and picture.size[0] == 64
         assert picture.info["duration"] == 100

@@ -56,8 +56,11 @@ def test_a_running_recording_is_neither_read_nor_repaired(tmp_path, capsys):
 @pytest.mark.parametrize("name", ["bag", "run_9"])
 def test_repaired_files_are_in_the_order_of_their_messages(tmp_path, name):
     written(tmp_path / name, 12, split_s=1.0)
-    (tmp_path / name / "metadata.yaml").unlink()
+    metadata = tmp_path / name / "metadata.yaml"
+    *before, _ = metadata.read_text().partition("custom_data")
+    metadata.unlink()
     assert repair(tmp_path / name).files == 12
+    assert [*metadata.read_text().partition("custom_data")][:2] == before
     assert identifiers(tmp_path / name) == list(range(12))
 
 
@@ -104,6 +107,7 @@ def test_a_full_disk_closes_the_bag_with_everything_it_received(tmp_path, monkey
 
     def full(descriptor, content):
         if (tmp_path / "bag" / RESERVE).exists():
+            write(descriptor, content[: len(content) // 2])
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return write(descriptor, content)
 

@@ -64,6 +64,8 @@ def test_an_arm_is_believed_where_its_commands_have_moved_it_since_the_last_meas
     arm.sent(np.array([-1.0, 0.0]), 12.4)
     arm.measured(np.array([1.0, -3.05]), 0.2, 12.45)
     assert arm.position == pytest.approx([0.95, -3.05]), "it began to turn back 0.05 s ago"
+    arm.sent(np.zeros(2), 12.5)
+    assert arm.position == pytest.approx([0.9, -3.05])
 
 
 def test_a_wrong_measurement_moves_a_commanded_arm_no_faster_than_its_joints_turn():
@@ -73,7 +75,7 @@ def test_a_wrong_measurement_moves_a_commanded_arm_no_faster_than_its_joints_tur
         arm.sent(np.zeros(1), 10.0 + k / 10)
     arm.measured(np.array([0.9]), 0.0, 10.4)
     assert arm.position == pytest.approx([0.4])
-    arm.measured(np.array([0.5 - 2 * np.pi]), 0.0, 10.5)
-    assert arm.position == pytest.approx([0.5 - 2 * np.pi]), "another whole turn is no motion"
+    arm.measured(np.array([0.5 - 4 * np.pi]), 0.0, 10.5)
+    assert arm.position == pytest.approx([0.5 - 4 * np.pi]), "whole turns are no motion"
     arm.measured(np.array([2.0]), 0.0, 20.0)
     assert arm.position == pytest.approx([2.0]), "nobody commanded it: a hand has moved it"

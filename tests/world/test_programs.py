@@ -105,7 +105,7 @@ def test_the_two_sets_of_a_batch_equal_each_program_alone(members, seed, hand, l
 
 def test_a_table_keeps_equal_programs_once_and_pads_with_copies() -> None:
     table = ProgramTable(VOCABULARY)
-    assert table.compiled().op.shape[0] == 0
+    assert table.compiled().op.shape == (0, 1)
     long = parse("NEAR(HAND, AND(NOT(RED), CUBE))", VOCABULARY)
     short = parse("NEAR(HAND, RED)", VOCABULARY)
     again = parse(str(short), VOCABULARY)

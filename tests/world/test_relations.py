@@ -13,9 +13,11 @@ from hypothesis.extra.numpy import arrays
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64
+from pa_ros.core.extensions import ExtensionError
 from pa_ros.world import Scoring
 from pa_ros.world.poses import IDENTITY, in_base
-from pa_ros.world.relation import RELATIONS, Relation, circle
+from pa_ros.world.relation import RELATIONS, Relation, at_stage, circle, programs_in
+from pa_ros.world.relation import measured as told_measure
 
 BLOCK = np.array([0.3, 0.3, 0.03])  # 45° to the left of the x axis, as the base sees it
 OUT, LEFT = np.array([1, 1, 0]) / 2**0.5, np.array([-1, 1, 0]) / 2**0.5  # from the base; its left
@@ -160,3 +162,25 @@ def test_a_relation_with_functions_of_the_wrong_shape_is_rejected(changed, why) 
     Relation(**own)
     with pytest.raises(ConfigError, match=f"relation OWN: {why}"):
         Relation(**{**own, **changed})
+
+
+@pytest.mark.parametrize("wrong", [nan, "far", np.zeros(2), [[0.0] * 3] * 2])
+def test_a_measure_that_is_no_number_for_each_state_is_an_error(wrong: Any) -> None:
+    def measure(hand: Float64, objects: Float64) -> Any:
+        usual = far(hand, objects)
+        return (
+            usual if usual.max() < 2 else wrong if np.ndim(wrong) else np.full(usual.shape, wrong)
+        )
+
+    relation, objects = replace(RELATIONS["ABOVE"], name="OWN", measure=measure), np.ones((2, 3, 7))
+    np.testing.assert_allclose(relation.measures(objects, IDENTITY), 3**0.5)
+    with pytest.raises(ExtensionError, match="OWN: measure.*a number for each pair of poses"):
+        relation.measures(2 * objects, IDENTITY)
+
+
+def test_a_measure_is_told_with_its_unit_and_stage() -> None:
+    goal = "THEN(NEAR(HAND, RED), ABOVE( HAND, BLUE), NEAR(RED, BLUE))"
+    assert programs_in(goal) == [("NEAR", True), ("ABOVE", True), ("NEAR", False)]
+    told = [told_measure(goal, 0.5, stage) for stage in range(4)]
+    assert told == ["0.50 m", "0.50 rad", "0.50 m", "0.50"]
+    assert (at_stage(goal, 1), at_stage("NEAR(HAND, RED)", 0)) == ("stage 2 of 3", "")

@@ -31,6 +31,8 @@ def test_words_are_true_within_the_tolerance() -> None:
     assert truth.shape == (1, 3, 7) and truth.dtype == np.float32
     named = [{w for w, true in zip(words.words, one, strict=True) if true} for one in truth[0]]
     assert named == [{"CUBE", "BLUE", "SMALL"}, {"CUBE", "BLUE"}, set()]
+    shapes, _ = PAPER.has(np.eye(16)[7] / 2)  # half a cube is just near enough
+    assert shapes.tolist() == [True, False, False, False]
 
 
 def test_networks_get_numbers_times_their_scale_and_all_else_as_it_is() -> None:
@@ -130,6 +132,8 @@ def test_wrong_json_is_rejected(text: str) -> None:
     ("changed", "why"),
     [
         ({"joints": 17}, "joints: expected 1 to 16, got 17"),
+        ({"joints": True}, "joints: expected 1 to 16, got True"),
+        ({"joints": 0}, "joints: expected 1 to 16, got 0"),
         ({"joints": 6.5}, "joints: expected 1 to 16, got 6.5"),
         ({"vocabulary": PAPER.vocabulary.asking("BESIDE")}, "unknown relation: expected one of"),
         (

@@ -14,10 +14,11 @@ from hypothesis.extra.numpy import arrays
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32
-from pa_ros.language import parse, roles
+from pa_ros.language import Program, parse, parse_goal, roles
 from pa_ros.world import REWARDS, Reward, Scoring, Sparse, reward_from
 from pa_ros.world.poses import objects_from_poses
 from pa_ros.world.programs import ProgramTable, crisp_sets
+from pa_ros.world.progress import GoalWatch
 from pa_ros.world.schema import PUSHING
 from pa_ros.world.scoring import REWARDED
 from pa_ros.world.world import World
@@ -115,6 +116,7 @@ class Paying(Reward):
     ("pays", "why"),
     [
         (lambda satisfied, measure: np.zeros(3), "a finite number for each state"),
+        (lambda satisfied, measure: satisfied.astype(float), "numbers and arrays.*no.*'astype'"),
         (lambda satisfied, measure: np.where(satisfied, 1.0, np.nan), "number for each state.*nan"),
     ],
 )
@@ -126,6 +128,21 @@ def test_a_reward_without_a_number_for_each_state_is_rejected_when_it_is_chosen(
     monkeypatch.setattr(Paying, "pays", staticmethod(pays))
     with pytest.raises(ConfigError, match=f"reward own: .*{why}"):
         reward_from("own")
+
+
+def test_a_goal_is_judged_by_what_it_avoids_too() -> None:
+    words, scoring = PUSHING.vocabulary.avoiding(), Scoring()
+    goal = parse_goal("AVOID(BLUE, NEAR(HAND, RED))", words)
+    assert isinstance(goal, Program)
+    near = {goal.relation_alone: 0.15, Program(goal.avoided): 0.3}
+    watch, verdicts = GoalWatch(goal), []
+    for distance in (0.3, 0.1, 0.4):  # to what is to be avoided
+        near[Program(goal.avoided)] = distance
+        verdicts.append(watch.verdict(lambda p: scoring.of_measure(near[p]), scoring.reward))
+    assert [(v.reward, v.satisfied, v.violated) for v in verdicts] == [
+        (1.0, True, False), (-1.0, False, True), (-1.0, False, True)
+    ]  # fmt: skip
+    assert {v.distance for v in verdicts} == {0.15}
 
 
 MOVING = World(PUSHING, PUSHING.vocabulary.asking("NEAR", "LEFT_OF").moving("PLACE"), joints=6)
