@@ -189,7 +189,7 @@ def train_agent(
         learning.network.for_world(task.world),
         learning.learner,
         task,
-        np.array(arena.joint_speed_limits),
+        np.array(arena.command_limits),
         training_programs(design),
         scores or TrainingScores(arena, design, config.evaluation_episodes, perception),
         resume,

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from dataclasses import replace
 from itertools import combinations, product
 from math import hypot
 from typing import ClassVar
@@ -109,6 +110,20 @@ def test_short_programs_name_so_many_blocks(design_name: str, condition: str) ->
         assert all(named) == (count == "all")
         forms.add(type(episode.program.target))
     assert Or in forms and forms <= {Word, Not, Or}
+
+
+@pytest.mark.parametrize("group", ["color", "shape"])
+def test_one_property_alone_names_the_target(group: str) -> None:
+    for seed in SEEDS:
+        drawn = draw(THREE_D, f"only-{group}", seed)
+        assert str(drawn.program.target) in THREE_D.values[group]
+
+
+def test_the_only_other_block_is_the_new_one() -> None:
+    for seed in SEEDS:
+        drawn = draw(replace(THREE_D, n_blocks=2), "ignore-new", seed)
+        new = [one for one in drawn.blocks if one.kind not in THREE_D.pool]
+        assert len(drawn.blocks) == 2 and len(new) == 1
 
 
 def test_novel_program_is_that_of_the_appendix() -> None:

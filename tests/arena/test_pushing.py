@@ -206,7 +206,7 @@ def test_the_preset_is_the_designs_own_unless_another_is_chosen() -> None:
     ],
 )
 def test_a_preset_that_does_not_fit_is_rejected_with_those_that_fit(make: Callable[[], object]):
-    fitting = r"\['paper', 'push', 'push-joints', 'push-slow'\]"
+    fitting = r"\['paper', 'push', 'push-joints', 'push-slow', 'hold', 'hold-slow'\]"
     with pytest.raises(ConfigError, match=f"preset: expected one of {fitting} for push-2.*'fast'"):
         make()
 

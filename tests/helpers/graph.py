@@ -289,11 +289,11 @@ class Witness:
         self._kinds: dict[int, list[Kind]] = {}  # of the blocks, by episode
         advance, task = session.task.advance, session.task
 
-        def recording(joint_velocity: Any) -> tuple[Observation, Verdict]:
+        def recording(command: Any) -> tuple[Observation, Verdict]:
             assert task.episode is not None
-            self._moves.setdefault(task.episode.index, []).append(np.array(joint_velocity))
+            self._moves.setdefault(task.episode.index, []).append(np.array(command))
             self._kinds[task.episode.index] = [block.kind for block in task.episode.blocks]
-            return advance(joint_velocity)
+            return advance(command)
 
         task.advance = recording  # type: ignore[method-assign]
 

@@ -14,11 +14,12 @@ from pa_ros.arena.designs import Kind
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.registry import Registry
 from pa_ros.language.syntax import SIZE
+from pa_ros.world.relation import BLOCK_M
 from pa_ros.world.schema import MIDDLE_EDGE_M, PLACE, SIZED
 
 # Our own sizes; the paper gives none.
 # Half the cube's edge, half the cylinder's height, and the radius of sphere and cylinder.
-BLOCK_HALF_SIZE_M = 0.03
+BLOCK_HALF_SIZE_M = BLOCK_M / 2
 CAPSULE_RADIUS_M = 0.025
 CAPSULE_HALF_LENGTH_M = 0.025  # the capsule lies on its side, along the block's x axis
 
@@ -49,6 +50,7 @@ class Look:
     rgba: str = "0.5 0.5 0.5 1"
     density: float = 1.0  # factor of the mass that the arena gives to a block
     has_body: bool = True  # whether it can be touched and moved
+    lift_m: float = 0.0  # how far above its pose a place is shown
 
     def __post_init__(self) -> None:
         shapes = [*RESTING_DEPTH_M, PLACE]
@@ -88,7 +90,7 @@ class Look:
             "CAPSULE": f'type="capsule" size="{radius} {CAPSULE_HALF_LENGTH_M * self.scale}"'
             ' quat="0.7071067811865476 0 0.7071067811865476 0"',
             PLACE: f'type="cylinder" size="{PLACE_RADIUS_M * self.scale} 0.001" '
-            f'pos="0 0 {0.003 - half}"',
+            f'pos="0 0 {0.003 - half + self.lift_m}"',
         }[self.shape]
 
 

@@ -45,16 +45,20 @@ class ArenaConfig(Settings):
         description="m/s of the hand, if actions are velocities of the hand (radial, tangential, "
         "up); 0: actions are joint velocities",
     )
+    gripper: bool = Field(
+        False,
+        description="whether the hand has the arm's gripper; then commands have one number more "
+        "(it is on above 0), blocks are light, and arm and blocks touch",
+    )
     control_period_s: float = Field(0.1, gt=0, description="between two actions (paper)")
     episode_steps: int = Field(
         100, ge=1, description="actions of an episode; then it is truncated (paper)"
     )
     # Constants rather than settings: no study changes them, and stored results depend on them.
     timestep_s: ClassVar[float] = 0.01  # of the physics, s
-    block_mass_kg: ClassVar[float] = 1.0  # of each block
+    sleep: ClassVar[bool] = True  # MuJoCo skips resting blocks, which saves time
     block_friction: ClassVar[float] = 1.0  # sliding
     block_separation_m: ClassVar[float] = 0.20  # least between two blocks' centers at the start
-    sleep: ClassVar[bool] = True  # MuJoCo skips resting blocks, which saves time
 
     # The arm's own, in the order of its joints.
 
@@ -67,6 +71,16 @@ class ArenaConfig(Settings):
     def joint_upper(self) -> Joints:
         """Upper ends of the joints' working ranges, rad."""
         return tuple(joint.upper for joint in ARMS[self.arm].joints)
+
+    @property
+    def command_limits(self) -> tuple[float, ...]:
+        """The greatest size of each number of a command: rad/s of the joints; 1 of the gripper."""
+        return (*self.joint_speed_limits, *[1.0] * self.gripper)
+
+    @property
+    def block_mass_kg(self) -> float:
+        """Mass of each block: less where a gripper has to lift them."""
+        return 0.2 if self.gripper else 1.0
 
     @property
     def substeps(self) -> int:
@@ -98,6 +112,10 @@ class ArenaConfig(Settings):
                 f"joint_speed_limits: expected {self.joints} numbers, the joints of {self.arm}, "
                 f"got {len(self.joint_speed_limits)}: {self.joint_speed_limits}"
             )
+        if self.gripper and not (ARMS[self.arm].gripper and self.arm_touches_blocks):
+            raise ValueError(
+                f"gripper: expected an arm with one that touches blocks, got {self.arm}"
+            )
         if abs(self.substeps * self.timestep_s - self.control_period_s) > 1e-9:
             raise ValueError(
                 f"control_period_s: expected a multiple of timestep_s = {self.timestep_s}, "
@@ -110,13 +128,16 @@ class ArenaConfig(Settings):
 # the table); learning then needs the fewest frames. In `paper` it pushes them.
 #
 # The presets `push…` are for programs that move blocks: the fast arm or the slow one, which touches
-# blocks, with actions that are velocities of the hand, or of the joints.
+# blocks, with actions that are velocities of the hand, or of the joints. The presets `hold…` add
+# the gripper.
 _VALUES: dict[str, tuple[str, dict[str, Any]]] = {  # the arm's speeds, and what else differs
     "paper": ("paper", {}),
     "fast": ("fast", {"arm_touches_blocks": False}),
     "push": ("fast", {"hand_speed": 0.5}),
     "push-joints": ("fast", {}),
     "push-slow": ("paper", {"hand_speed": 0.25}),
+    "hold": ("fast", {"hand_speed": 0.5, "gripper": True}),
+    "hold-slow": ("paper", {"hand_speed": 0.25, "gripper": True}),
 }
 
 
@@ -146,6 +167,12 @@ def check_fits(config: ArenaConfig, design: Design) -> None:
             f"preset: expected one of {fitting} for {design.name}, whose blocks the arm must "
             f"touch, got {config.preset!r}"
         )
+    if design.skill.holds_blocks and not config.gripper:
+        fitting = [name for name, one in _presets(config.arm).items() if one.gripper]
+        raise ConfigError(
+            f"preset: expected one of {fitting} for {design.name}, whose blocks the arm must "
+            f"hold, got {config.preset!r}"
+        )
 
 
 def _presets(arm: str) -> dict[str, ArenaConfig]:
@@ -154,7 +181,7 @@ def _presets(arm: str) -> dict[str, ArenaConfig]:
     return {
         name: ArenaConfig(preset=name, arm=arm, joint_speed_limits=speeds[of_arm], **values)
         for name, (of_arm, values) in _VALUES.items()
-        if of_arm in speeds
+        if of_arm in speeds and (ARMS[arm].gripper or not values.get("gripper"))
     }
 
 

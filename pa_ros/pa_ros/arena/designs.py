@@ -11,6 +11,7 @@ from typing import Any
 from pa_ros.arena.skills import SKILLS, Skill
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.registry import Registry
+from pa_ros.language.syntax import HOLD, NEAR, ON
 from pa_ros.language.vocabulary import Vocabulary
 from pa_ros.world.relation import RELATIONS, SIDES
 from pa_ros.world.schema import COLORS, PAPER, PLACE, PUSHING, SIZED, ObjectSchema
@@ -274,10 +275,14 @@ def _pushing(
                   places=places, n_places=2, **_COMMON)  # fmt: skip
 
 
+_PUSH_2_WORDS = Vocabulary.of(shape=("CUBE", "CYLINDER", PLACE), color=("RED", "BLUE"))
+_PUSH_3_WORDS = Vocabulary.of(
+    shape=(*_VALUES_3["shape"], PLACE, "C"), color=(*_VALUES_3["color"], "A", "B")
+)
 _PUSH_2 = _pushing(
     "push-2",
     ("CUBE", "CYLINDER"),
-    Vocabulary.of(shape=("CUBE", "CYLINDER", PLACE), color=("RED", "BLUE")),
+    _PUSH_2_WORDS,
     (Kind(color="BLUE", shape="CYLINDER"),),
 )
 register(
@@ -286,11 +291,24 @@ register(
     _pushing(
         "push-3D",
         _VALUES_3["shape"],
-        Vocabulary.of(
-            shape=(*_VALUES_3["shape"], PLACE, "C"), color=(*_VALUES_3["color"], "A", "B")
-        ),
+        _PUSH_3_WORDS,
         _DIAGONAL,
     ),
+)
+
+
+def _stacking(
+    name: str, shapes: tuple[str, ...], words: Vocabulary, held_out: tuple[Kind, ...]
+) -> Design:
+    """Blocks that the hand takes and puts on places and on each other."""
+    one = _pushing(name, shapes, words, held_out)
+    vocabulary = replace(one.vocabulary, relations=(ON, HOLD, NEAR))
+    return replace(one, vocabulary=vocabulary, pairs=True, skill_name="hold", n_blocks=3)
+
+
+register(
+    _stacking("stack-2", ("CUBE", "CYLINDER"), _PUSH_2_WORDS, _PUSH_2.held_out),
+    _stacking("stack-3D", ("CUBE", "CYLINDER", "SPHERE"), _PUSH_3_WORDS, _DIAGONAL),
 )
 
 

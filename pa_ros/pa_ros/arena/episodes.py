@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, sin
 
 import numpy as np
@@ -35,11 +35,15 @@ class Block:
     y: float
     yaw: float  # rad
     edge_m: float = 0.0  # of a cube of its size; 0: as its kind says
+    above_m: float = 0.0  # how much higher it is than if it lay on the table
 
     @property
     def look(self) -> Look:
         """The look of this object."""
-        return with_edge(look_of(self.kind), self.edge_m) if self.edge_m else look_of(self.kind)
+        look = look_of(self.kind)
+        if self.edge_m:
+            look = with_edge(look, self.edge_m)
+        return replace(look, lift_m=-self.above_m) if self.above_m < 0 else look
 
     def features(self, schema: ObjectSchema) -> Float32:
         """Its features, the pose zero: [F]."""
@@ -58,6 +62,7 @@ class Episode:
     blocks: tuple[Block, ...]
     arm_start: Joints  # rad
     goal: Goal
+    held: int | None = None  # the block that the gripper holds, in place of where the block says
 
     @property
     def program(self) -> Program:

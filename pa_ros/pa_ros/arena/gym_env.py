@@ -82,7 +82,7 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
                 "nothing, as a flat observation does not say what (observation='structured' does)"
             )
         self.action_space = spaces.Box(-1.0, 1.0, (self.world.actions,), np.float32)
-        self._limits = np.array(self.config.joint_speed_limits)
+        self._limits = np.array(self.config.command_limits)
         self._task: ReachTask | None = None
         self._next_episode = 0
 

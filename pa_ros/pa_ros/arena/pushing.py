@@ -62,7 +62,12 @@ class Pushing(Skill):
             parse(f"{relation}({moved}, {target.conjunction})", design.vocabulary)
             for relation in design.vocabulary.relations
             for moved, target in (*moves, *reaches)
+            if self.takes(relation, moved == HAND.name, target)
         )
+
+    def takes(self, relation: str, of_hand: bool, target: Kind) -> bool:
+        """Whether programs relate the hand, or an object, to such a target by a relation."""
+        return True
 
     def conditions(self, design: Design) -> Iterator[Condition]:
         """Programs move blocks to places, except in `pairs…` and `reach…`."""
@@ -110,8 +115,10 @@ class Pushing(Skill):
         for count in range(3, min(6, len(pool)) + 1):
             yield condition(f"blocks-{count}", moved=zero_shot, n_blocks=count)
         # As train, eval and pairs, of one of several relations.
-        if len(design.vocabulary.relations) > 1:
-            for relation in design.vocabulary.relations:
+        relations, known = design.vocabulary.relations, design.train[0]
+        moving = [one for one in relations if self.takes(one, of_hand=False, target=known)]
+        if len(moving) > 1:
+            for relation in moving:
                 name, only = relation.lower().replace("_", "-"), (relation,)
                 yield condition(f"train-{name}", moved=design.train, relations=only)
                 yield condition(f"eval-{name}", moved=zero_shot, relations=only)
@@ -129,7 +136,9 @@ class Pushing(Skill):
         base = float(rng.uniform(config.joint_lower[0], config.joint_upper[0]))
         moved = _one_of(condition.moved, rng) if condition.moved else None
         target = _one_of([kind for kind in condition.targets if condition.tells(kind, moved)], rng)
-        program, required = _program(condition, design, moved, target, rng)
+        relations = condition.relations or design.vocabulary.relations
+        fitting = [one for one in relations if self.takes(one, moved is None, target)]
+        program, required = _program(condition, design, fitting, moved, target, rng)
         named = [*([] if moved is None else [moved]), target, *required]
         blocks = list(dict.fromkeys(kind for kind in named if design.schema.has_body(kind)))
         places = list(dict.fromkeys(kind for kind in named if not design.schema.has_body(kind)))
@@ -162,7 +171,10 @@ class Pushing(Skill):
         return Episode(index, condition.name, tuple(objects), start, program)
 
     def script(self, task: ReachTask) -> Float64:
-        moved, target = nearest_pair(task)
+        return self.relate(task, *nearest_pair(task))
+
+    def relate(self, task: ReachTask, moved: int, target: int) -> Float64:
+        """The command that relates one object, or the hand, to another as the program says."""
         if moved == HAND_INDEX:
             return reach(task, task.simulation.positions[target])
         return push(task, moved, target)
@@ -202,13 +214,13 @@ def _destinations(design: Design) -> tuple[Kind, ...]:
 def _program(
     condition: Condition,
     design: Design,
+    relations: Sequence[str],
     moved: Kind | None,
     target: Kind,
     rng: np.random.Generator,
 ) -> tuple[Program, tuple[Kind, ...]]:
     """A program that relates a block, or the hand, to a target, and the objects that it needs
     besides them."""
-    relations = condition.relations or design.vocabulary.relations
     relation = relations[int(rng.integers(len(relations)))]
     needed: list[Kind] = []
 

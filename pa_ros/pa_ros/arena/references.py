@@ -75,6 +75,18 @@ def push(task: ReachTask, moved: int, target: int) -> Float64:
     error = _cylindrical_error(task, hand, np.array([*start[:2], TRAVEL_HEIGHT]))
     if hand[2] < 0.13 and np.hypot(*offset) < 0.14:
         error[:2] = 0.0  # first up, so that it does not push the block aside
+    return _travel(task, hand, error)
+
+
+def pointing_down(task: ReachTask, place: Float64) -> Float64:
+    """Joint velocities (rad/s, [J]) that bring the hand to `place` ([3] m in the table's frame),
+    pointing down."""
+    hand = task.simulation.positions[0]
+    return _travel(task, hand, _cylindrical_error(task, hand, place))
+
+
+def _travel(task: ReachTask, hand: Float64, error: Float64) -> Float64:
+    """Joint velocities (rad/s, [J]) that remove a cylindrical error, pointing down."""
     radius = hypot(*hand[:2])
     x, y = hand[:2] / radius
     out, left, up = _rates(task, error * (1.0, radius, 1.0))
@@ -133,7 +145,7 @@ def pursue(task: ReachTask, target: Float64) -> Float64:
 
 
 def toward(task: ReachTask, place: Float64) -> Float64:
-    """Joint velocities (rad/s, [J]) toward `place` ([3] m in the table's frame).
+    """Joint velocities (rad/s, [J]) toward `place` ([3] m in the table's frame); a gripper is off.
 
     Damped least squares on the hand's Jacobian in cylindrical coordinates (radius, azimuth,
     height), so that the base turns toward a target behind the arm, in the direction that its range
@@ -149,15 +161,17 @@ def toward(task: ReachTask, place: Float64) -> Float64:
     for _ in range(2):  # the second time without the joints at their limits
         velocity = _damped_least_squares(jacobian, rates)
         jacobian = jacobian * _free(task, velocity)
-    return _limited(velocity, np.array(task.config.joint_speed_limits))
+    limited = _limited(velocity, np.array(task.config.joint_speed_limits))
+    return np.append(limited, -1.0) if task.config.gripper else limited
 
 
 def random_policy(seed: int) -> Policy:
-    """Uniform joint velocities within the limits, from a separate random stream."""
+    """Uniform commands within the limits, from a separate random stream."""
     rng = np.random.default_rng([seed, 3])
 
     def act(task: ReachTask) -> Float64:
-        return np.array(task.config.joint_speed_limits) * rng.uniform(-1.0, 1.0, task.config.joints)
+        limits = np.array(task.config.command_limits)
+        return limits * rng.uniform(-1.0, 1.0, len(limits))
 
     return act
 

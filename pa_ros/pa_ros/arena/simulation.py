@@ -13,11 +13,14 @@ import mujoco
 import numpy as np
 
 from pa_ros.arena.appearance import Look
+from pa_ros.arena.arms import ARMS
 from pa_ros.arena.config import ArenaConfig
 from pa_ros.arena.episodes import Block, Episode
 from pa_ros.arena.errors import ArenaError, PhysicsError
+from pa_ros.arena.gripper import Cup
 from pa_ros.arena.model import build
 from pa_ros.core.experience import Float32, Float64
+from pa_ros.world.relation import BLOCK_M
 from pa_ros.world.schema import PAPER, ObjectSchema
 
 HAND_INDEX = 0  # row of the hand in Ω
@@ -50,7 +53,7 @@ class Simulation:
         self.model, self.data = self._models(tuple(look.solid for look in looks))
         free = iter(self.model.qpos0[self._joints :].reshape(-1, 7))
         for i, (block, look) in enumerate(zip(episode.blocks, looks, strict=True)):
-            place = block.x, block.y, look.rest_height
+            place = block.x, block.y, look.rest_height + block.above_m
             turn = cos(block.yaw / 2), 0.0, 0.0, sin(block.yaw / 2)
             if look.has_body:
                 # The start of a sleeping block must be in qpos0: MuJoCo resets to it and puts the
@@ -69,7 +72,18 @@ class Simulation:
         self._template = _template(self._schema, episode.blocks)
         self._view_arrays(len(episode.blocks))
         mujoco.mj_kinematics(self.model, self.data)
+        if episode.held is not None and self.cup:
+            self._start_held(episode.held)
         self._placed = True
+
+    def _start_held(self, index: int) -> None:
+        """Put block `index` under the cup, which holds it."""
+        assert self.cup is not None
+        down = self._rotation[:, 2] * (self.cup.reach_m + BLOCK_M / 2)
+        yaw = self._quaternion[1 + index].copy()
+        self.put(index, self._position[HAND_INDEX] + down, yaw)
+        mujoco.mj_kinematics(self.model, self.data)
+        self.cup.take()
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Simulation:
         """A copy in the same state that shares no arrays with this one."""
@@ -124,15 +138,18 @@ class Simulation:
             self.data.mocap_pos[body.mocapid[0]] = position
             self.data.mocap_quat[body.mocapid[0]] = quaternion
 
-    def advance(self, joint_velocity: Float64) -> None:
-        """Command joint velocities, rad/s [J], for one control period.
+    def advance(self, command: Float64) -> None:
+        """Command joint velocities, rad/s [J], and the gripper (on above 0) for one control period.
 
         They must be finite and within the limits; the caller checks that. Raises ArenaError
         (arena.episode) without an episode, PhysicsError if the physics fails.
         """
         if not self._placed:
             raise ArenaError("expected a reset before the first command", code="arena.episode")
-        self._control[:] = joint_velocity
+        cup = self.cup
+        self._control[:] = command if cup is None else command[: self._joints]
+        if cup is not None:
+            cup.switch(command[-1] > 0)
         mujoco.mj_step(self.model, self.data, self._substeps)
         # MuJoCo only warns, and after a bad state it restarts the episode by itself.
         if np.count_nonzero(self._warnings):
@@ -140,6 +157,8 @@ class Simulation:
             kind = mujoco.mjtWarning(int(self._warnings.argmax())).name
             raise PhysicsError(f"the physics of this episode is void: MuJoCo warns of {kind}")
         mujoco.mj_kinematics(self.model, self.data)  # mj_step leaves the poses before the step
+        if cup is not None and command[-1] > 0:
+            cup.take()
 
     def objects(self) -> Float32:
         """Object features [N, F], the hand's first, with poses in the hand's frame."""
@@ -174,12 +193,15 @@ class Simulation:
     @property
     def hand_pose(self) -> Float64:
         """Pose of the hand in the frame of the table, whose origin is the arm's base: x y z (m),
-        quaternion xyzw with qw >= 0, [7]."""
+        quaternion xyzw with qw >= 0, [7]; with a gripper, whether it holds a block, [8]."""
         # Plain numbers take a third of the time of arrays.
         w, x, y, z = self._quaternion[HAND_INDEX].tolist()
         sign = copysign(1.0, w)
         place = self._position[HAND_INDEX].tolist()
-        return np.array([*place, sign * x, sign * y, sign * z, sign * w])
+        pose = [*place, sign * x, sign * y, sign * z, sign * w]
+        if self.cup is not None:
+            pose.append(float(self.cup.holds))
+        return np.array(pose)
 
     def hand_jacobian(self) -> Float64:
         """Jacobian of the hand's position in the table's frame, [3, J] m/rad."""
@@ -199,6 +221,8 @@ class Simulation:
         self._quaternion: Float64 = self.data.xquat[rows]
         self._rotation = self.data.xmat[self._hand].reshape(3, 3)
         self._warnings, self._control = self.data.warning.number, self.data.ctrl
+        gripper = ARMS[self.config.arm].gripper if self.config.gripper else None
+        self.cup = None if gripper is None else Cup(gripper, self.model, self.data)
         arm = slice(self._joints)
         self._arm_position: Float64 = self.data.qpos[arm]
         self._arm_velocity: Float64 = self.data.qvel[arm]

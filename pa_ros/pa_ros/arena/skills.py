@@ -47,6 +47,8 @@ class Skill(ABC):
     """The arena's preset, unless another one is chosen."""
     touches_blocks: ClassVar[bool] = False
     """Whether the arm has to touch blocks."""
+    holds_blocks: ClassVar[bool] = False
+    """Whether it has to hold them."""
     does: ClassVar[str]
     """What an agent does and does not, in words that follow "It"."""
     score: ClassVar[str] = NORMALIZED

@@ -27,7 +27,7 @@ from pa_ros.world.world import World
 def world_of(config: ArenaConfig, design: Design) -> World:
     """The world of an arm and a design."""
     controller = hand_controller(config) if config.hand_speed else None
-    return World(design.schema, design.vocabulary, config.joints, controller)
+    return World(design.schema, design.vocabulary, config.joints, controller, config.gripper)
 
 
 def scoring_of(config: ArenaConfig, design: Design, reward: Reward | None = None) -> Scoring:
@@ -167,7 +167,7 @@ class ReachTask:
         self.simulation = Simulation(config, self.design.schema)
         self._episode: Episode | None = None
         self._stamp_ns, self._period_ns = 0, config.control_period_ns
-        self._step, self._limits = 0, np.array(config.joint_speed_limits)
+        self._step, self._limits = 0, np.array(config.command_limits)
 
     @property
     def world(self) -> World:
@@ -245,26 +245,27 @@ class ReachTask:
         has several."""
         return self._goal.program
 
-    def step(self, joint_velocity: Float64) -> tuple[Observation, Verdict]:
-        """Act for one control period with joint velocities in rad/s [J], clamped to the limits.
+    def step(self, command: Float64) -> tuple[Observation, Verdict]:
+        """Act for one control period with joint velocities in rad/s [J], clamped to the limits, and
+        the gripper if the arm has one (on above 0).
 
         Raises ArenaError: arena.command for a command of the wrong size or with non-finite numbers,
         arena.episode before the first reset and after the time limit. Then nothing moves.
         """
         if self._episode is None or self._step >= self._goal.steps(self.config):
             raise ArenaError(f"step {self._step}: expected a reset before", code="arena.episode")
-        command = np.asarray(joint_velocity, dtype=np.float64)
+        command = np.asarray(command, dtype=np.float64)
         if command.shape != self._limits.shape or not np.isfinite(command).all():
             raise ArenaError(
-                f"joint command: expected {self.config.joints} finite numbers (rad/s), "
+                f"joint command: expected {len(self._limits)} finite numbers (rad/s), "
                 f"got {command.tolist()}",
                 code="arena.command",
             )
         return self.advance(np.minimum(np.maximum(command, -self._limits), self._limits))
 
-    def advance(self, joint_velocity: Float64) -> tuple[Observation, Verdict]:
-        """Act like `step`, with joint velocities that are known to be finite and within limits."""
-        self.simulation.advance(joint_velocity)
+    def advance(self, command: Float64) -> tuple[Observation, Verdict]:
+        """Act like `step`, with a command that is known to be finite and within limits."""
+        self.simulation.advance(command)
         self._step += 1
         self._stamp_ns += self._period_ns
         return self._observe()

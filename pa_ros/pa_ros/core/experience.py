@@ -25,7 +25,15 @@ class Observation:
     joint_velocity: Float64  # [J] rad/s
     hand_index: int
     program_id: str  # the program the verifier scores this step under
-    hand_pose: Float64  # [7], x y z (m) and quaternion xyzw (qw >= 0) in the arm's base frame
+    hand_pose: Float64
+    """[7], x y z (m) and quaternion xyzw (qw >= 0) in the arm's base frame; of an arm with a
+    gripper [8], then 1 where it holds something, else 0."""
+
+    @property
+    def hold(self) -> Float64:
+        """The command that keeps the arm where it is, and what it holds: no velocity [J], then the
+        gripper's number if there is one."""
+        return np.concatenate([np.zeros(len(self.joint_position)), self.hand_pose[7:]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +85,8 @@ class Executed:
     """A command that was carried out exactly as given."""
 
     command: CommandKey
-    action: Float32  # [J] share of each joint's speed limit, in [-1, 1]
+    action: Float32
+    """[J] share of each joint's speed limit, in [-1, 1]; of a gripper one more, on above 0."""
 
     def __eq__(self, other: object) -> bool:
         return (

@@ -11,6 +11,7 @@ from itertools import chain, combinations
 import numpy as np
 
 from pa_ros.arena import ARMS, ReachTask
+from pa_ros.arena.pushing import Pushing
 from pa_ros.arena.references import pursue, push
 from pa_ros.arena.simulation import HAND_INDEX
 from pa_ros.core.experience import Float64, Observation
@@ -28,7 +29,7 @@ MARGIN = 0.95  # of the horizontal reach: the hand does not stop exactly where i
 
 
 def blind_policy(task: ReachTask, name: str) -> Callable[[Observation], Float64]:
-    """One of BLIND as joint velocities in rad/s [J]. It chooses at the start of an episode."""
+    """One of BLIND as commands for the arm. It chooses at the start of an episode."""
     choose = {"nearest": _nearest, "any": _any, "most": _most}[name]
     goal, pair = np.zeros(3), (0, 0)
 
@@ -36,7 +37,9 @@ def blind_policy(task: ReachTask, name: str) -> Callable[[Observation], Float64]
         nonlocal goal, pair
         if HAND_INDEX not in task.verifier.moved:
             pair = _pair(task, name) if observation.step == 0 else pair
-            return push(task, *pair)
+            skill = task.design.skill
+            own = skill.relate if isinstance(skill, Pushing) else push
+            return own(task, *pair)
         if observation.step == 0:
             goal = choose(task)
         return pursue(task, goal)

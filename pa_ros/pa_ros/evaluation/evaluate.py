@@ -274,7 +274,7 @@ class Acts(Protocol):
 
 def policy_of(actor: Acts, world: World, arena: ArenaConfig) -> AgentPolicy:
     """An actor's actions as joint velocities (rad/s) of an arena's arm."""
-    speeds = np.array(arena.joint_speed_limits)
+    speeds = np.array(arena.command_limits)
 
     def act(observation: Observation, program: Program) -> Float64:
         action = actor.act(observation, program)

@@ -34,6 +34,7 @@ SUMMARIES = {
     "program.names_nothing": "no such object",
     "program.needs_body": "nothing to move",
     "program.itself": "object related to itself",
+    "program.hand": "wrong relation of the hand",
     "program.avoids_target": "target to be avoided",
     "program.over_time": "goal over time",
     "program.avoids": "nothing can be avoided",

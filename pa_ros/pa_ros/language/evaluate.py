@@ -14,7 +14,7 @@ from typing import Any
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.language.errors import ProgramError, cannot_avoid, check_words, one_of
-from pa_ros.language.syntax import HAND, And, Expression, Not, Or, Program, Span, Word
+from pa_ros.language.syntax import HAND, HOLD, And, Expression, Not, Or, Program, Span, Word
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def roles(
     This is what programs mean: the relation must hold between some object of the first set and
     another one of the second. Only HAND contains the hand, and NOT(RED) does not; `hand_index` is
     None if the hand is not among `objects`. Objects with a word of `bodiless` cannot be moved, so
-    no first set contains them.
+    no first set contains them, nor held, so no second set of HOLD does.
     """
 
     def contains(expression: Expression, i: int) -> bool:
@@ -85,7 +85,8 @@ def roles(
     indices, without = range(len(objects)), set(bodiless)
     bodies = [i == hand_index or without.isdisjoint(objects[i]) for i in indices]
     moved = (bodies[i] and contains(program.moved, i) for i in indices)
-    return tuple(moved), tuple(contains(program.target, i) for i in indices)
+    may = bodies if program.relation == HOLD else [True] * len(objects)
+    return tuple(moved), tuple(may[i] and contains(program.target, i) for i in indices)
 
 
 def satisfying(
@@ -201,11 +202,15 @@ def role_relevance(
         return value
 
     objects = range(len(phi[0]) if phi else 0)
-    moved = [of(program.moved, j) for j in objects]
-    if bodiless and program.moved != HAND:
-        without_body = Or(tuple(map(Word, bodiless)))
-        moved = [logic.both(m, 1.0 - of(without_body, j)) for j, m in enumerate(moved)]
-    return moved, [of(program.target, j) for j in objects]
+    moved, target = ([of(one, j) for j in objects] for one in (program.moved, program.target))
+    if bodiless:
+        no_body = Or(tuple(map(Word, bodiless)))
+        body = [1.0 - of(no_body, j) for j in objects]
+        if program.moved != HAND:
+            moved = list(map(logic.both, moved, body))
+        if program.relation == HOLD:
+            target = list(map(logic.both, target, body))
+    return moved, target
 
 
 def degree(expression: Expression, value: Callable[[str], Any], logic: Logic = PRODUCT) -> Any:

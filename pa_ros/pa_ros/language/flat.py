@@ -6,7 +6,7 @@ from functools import reduce
 from typing import Any, NamedTuple
 
 from pa_ros.language.errors import ProgramError
-from pa_ros.language.syntax import HAND, And, Expression, Not, Or, Program, Span, Word
+from pa_ros.language.syntax import HAND, HOLD, And, Expression, Not, Or, Program, Span, Word
 from pa_ros.language.vocabulary import Vocabulary
 
 NOT, AND, OR, COPY = range(4)
@@ -51,9 +51,10 @@ def compile_program(program: Program, vocabulary: Vocabulary) -> Compiled:
     code, hand = _Code(vocabulary), len(vocabulary.words)
     moved = code.emit_expression(program.moved)
     if vocabulary.bodiless and moved != hand:
-        no_body = code.fold(OR, tuple(map(Word, vocabulary.bodiless)))
-        moved = code.emit(AND, moved, code.emit(NOT, no_body, no_body))
+        moved = code.with_body(moved)
     target = code.emit_expression(program.target)
+    if vocabulary.bodiless and program.relation == HOLD:
+        target = code.with_body(target)
     either = target if moved == hand else code.emit(OR, moved, target)
     avoided = hand if program.avoided is None else code.emit_expression(program.avoided)
     # p = OR(HAND, e) is always the last instruction, so evaluators need no other end mark.
@@ -68,6 +69,7 @@ class _Code:
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         self._row = {**vocabulary.row, HAND.name: len(vocabulary.words)}
+        self._bodiless = tuple(map(Word, vocabulary.bodiless))
         self.instructions: dict[tuple[int, int, int], int] = {}
 
     def emit(self, op: int, a: int, b: int) -> int:
@@ -87,6 +89,11 @@ class _Code:
                 return self.fold(AND, operands)
             case Or(operands):
                 return self.fold(OR, operands)
+
+    def with_body(self, source: int) -> int:
+        """The register of those objects in another one that have a body."""
+        no_body = self.fold(OR, self._bodiless)
+        return self.emit(AND, source, self.emit(NOT, no_body, no_body))
 
     def fold(self, op: int, operands: tuple[Expression, ...]) -> int:
         """Join the operands by AND or OR, from the left; return the register of the value."""

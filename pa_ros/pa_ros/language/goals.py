@@ -183,7 +183,7 @@ class Progress:
     @property
     def stage(self) -> int:
         """Which of `stages(goal)` is to be pursued: of THEN the one that has begun, of ALL the
-        first one that does not hold."""
+        first one that does not hold, but what others are moved to comes before them."""
         match self.goal:
             case Program():
                 return 0
@@ -191,7 +191,10 @@ class Progress:
                 return _count(goals[: self.part]) + self.parts[0].stage
             case All(goals):
                 missing = [i for i, one in enumerate(self.parts) if not one.holds]
-                part = missing[0] if missing else len(goals) - 1
+                moving = {_moved(goals[i]) for i in missing}
+                # The bottom of a tower comes first: what is moved later takes others along.
+                first = [i for i in missing if _target(goals[i]) not in moving - {None}] or missing
+                part = first[0] if first else len(goals) - 1
                 return _count(goals[:part]) + self.parts[part].stage
             case Avoid():
                 return self.parts[0].stage
@@ -203,6 +206,15 @@ def _count(goals: tuple[Goal, ...]) -> int:
 
 def _is_near(avoided: Expression | None, truth: Truth) -> bool:
     return avoided is not None and truth(Program(avoided))
+
+
+def _moved(goal: Goal) -> Expression | None:
+    """What a program moves, unless it is the hand; None for other goals."""
+    return goal.moved if isinstance(goal, Program) and not goal.moves_hand else None
+
+
+def _target(goal: Goal) -> Expression | None:
+    return goal.target if isinstance(goal, Program) else None
 
 
 def _must_still_hold(goal: Goal) -> bool:

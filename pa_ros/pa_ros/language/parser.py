@@ -16,7 +16,9 @@ from pa_ros.language.goals import All, Avoid, Goal, Then
 from pa_ros.language.syntax import (
     COMPARISONS,
     HAND,
+    HOLD,
     NEAR,
+    ON,
     And,
     Expression,
     Not,
@@ -184,8 +186,18 @@ class _Parser:
         goals, closing = self._parse_arguments(lambda: self._parse_goal(depth + 1))
         if len(goals) < 2:
             raise self._wrong_arity(name.text, name, len(goals), closing)
-        kind = Then if name.text == "THEN" else All
-        return kind(goals)
+        if name.text == "THEN":
+            return Then(goals)
+        held = [one for one in goals if isinstance(one, Program) and one.relation == HOLD]
+        if len(held) > 1:
+            raise ProgramError(
+                self._source,
+                name.span,
+                code="program.hand",
+                expected="one HOLD in ALL, since the hand holds one thing at a time",
+                received=" and ".join(map(str, held)),
+            )
+        return All(goals)
 
     def _parse_avoid(self, name: Token, depth: int) -> Goal:
         """avoid = "AVOID" "(" expression "," goal ")" ;"""
@@ -217,16 +229,28 @@ class _Parser:
         if len(targets) != 1:
             raise self._wrong_arity(relation.text, relation, 1 + len(targets), closing)
         second, target = targets[0]
-        if moved == target == HAND:
-            start = self._source[: closing.span.start].rindex(HAND.name)
-            raise ProgramError(
-                self._source,
-                Span(start, start + len(HAND.name)),
-                code="program.itself",
-                expected="another object than the hand",
-                received="HAND twice",
-            )
+        self._check_hand(relation, moved, target, closing)
         return Program(target, relation.text, moved, chosen=(first, second))
+
+    def _check_hand(
+        self, relation: Token, moved: Expression, target: Expression, closing: Token
+    ) -> None:
+        """Reject a relation of the hand to itself, and one that it cannot be in, or alone can."""
+        wrong, received = relation.span, str(moved)
+        if HAND in (moved, target):
+            at = self._source[: closing.span.start].rindex(HAND.name)
+            wrong, received = Span(at, at + len(HAND.name)), HAND.name
+        if moved == target == HAND:
+            code, expected, received = "itself", "another object than the hand", "HAND twice"
+        elif relation.text == ON and HAND in (moved, target):
+            code, expected = "hand", "an object, since the hand rests on nothing"
+        elif relation.text == HOLD and moved != HAND:
+            code, expected = "hand", "HAND as the first argument, since nothing else holds"
+        else:
+            return
+        raise ProgramError(
+            self._source, wrong, code=f"program.{code}", expected=expected, received=received
+        )
 
     def _parse_hand(self) -> tuple[str, Expression]:
         """argument = "HAND" ;"""

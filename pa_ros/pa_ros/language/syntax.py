@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
 NEAR = "NEAR"
+HOLD, ON = "HOLD", "ON"  # of the hand alone; of objects alone
 """The paper's relation."""
 
 OF_PLACES = ("LEFTMOST", "RIGHTMOST", "NEAREST", "FARTHEST")

@@ -116,7 +116,7 @@ class Sight:
         tracks, schema = self.tracker.tracks, self.schema
         poses = np.zeros((1 + len(tracks), POSE_WIDTH))
         poses[:, 2], poses[:, 6] = PLANE_M, 1.0
-        poses[0] = hand_pose
+        poses[0] = hand_pose[:POSE_WIDTH]
         poses[1:, :2] = np.array([track.xy for track in tracks]).reshape(-1, 2)
         objects = np.zeros((len(poses), schema.width), np.float32)
         objects[:, :POSE_WIDTH] = in_hand(hand_pose, poses)

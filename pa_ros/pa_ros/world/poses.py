@@ -22,7 +22,7 @@ def in_base(hand: Float64, poses: Float64) -> Float64:
     hx, hy, hz, a, b, c, w = (hand[..., i] for i in range(POSE_WIDTH))
     x, y, z, i, j, k, r = (poses[..., n] for n in range(POSE_WIDTH))
     u, v, t = 2 * (b * z - c * y), 2 * (c * x - a * z), 2 * (a * y - b * x)  # twice a cross product
-    result = np.empty(np.broadcast_shapes(hand.shape, poses.shape))
+    result = np.empty(np.broadcast_shapes((*hand.shape[:-1], POSE_WIDTH), poses.shape))
     result[..., 0] = hx + x + w * u + b * t - c * v
     result[..., 1] = hy + y + w * v + c * u - a * t
     result[..., 2] = hz + z + w * t + a * v - b * u
@@ -46,11 +46,11 @@ def in_hand(hand: Float64, poses: Float64) -> Float64:
     # The inverse of the hand's orientation, times x y z.
     i, j, k = w * x - b * z + c * y, w * y + a * z - c * x, w * z - a * y + b * x
     r = a * x + b * y + c * z
-    result = np.empty(np.broadcast_shapes(hand.shape, poses.shape))
+    result = np.empty(np.broadcast_shapes((*hand.shape[:-1], POSE_WIDTH), poses.shape))
     result[..., 0] = r * a + i * w + j * c - k * b
     result[..., 1] = r * b - i * c + j * w + k * a
     result[..., 2] = r * c + i * b - j * a + k * w
-    turned = times(hand[..., 3:] * (-1.0, -1.0, -1.0, 1.0), poses[..., 3:])
+    turned = times(hand[..., 3:POSE_WIDTH] * (-1.0, -1.0, -1.0, 1.0), poses[..., 3:])
     result[..., 3:] = turned * np.copysign(1.0, turned[..., 3:])
     return result
 

@@ -19,10 +19,10 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float64
 from pa_ros.core.extensions import guarded
 from pa_ros.core.registry import Registry
-from pa_ros.language.syntax import HAND
+from pa_ros.language.syntax import HAND, HOLD, ON
 from pa_ros.world.poses import IDENTITY, POSE_WIDTH, in_base, in_hand
 
-Measure = Callable[[Float64, Float64], Float64]
+Measure = Callable[..., Float64]
 Place = Callable[[Float64, Float64, float], Float64]
 
 
@@ -42,6 +42,9 @@ class Relation:
     for one state as for many. The relation holds where they are at most the threshold. In
     NAME(e1, e2) an object of e1 has the part of the hand, and `between` replaces the threshold.
 
+    Of a hand that can hold, a pose has an eighth number: 1 where it holds something, else 0. With
+    `of_grip`, `measure(first, objects, hand)` also gets the hand, whatever the first is.
+
     `goal(hand, object, threshold)` is the place [3] to which the scripted reference moves the hand.
     `outline(hand, object, threshold)` is a line [M, 2] for pictures from above, around the places
     where the relation holds. Both get places in the base's frame (m).
@@ -56,6 +59,8 @@ class Relation:
     outline: Place
     frame: Literal["hand", "base"] = "base"
     between: float | None = None  # the threshold between two objects; None: the arena's
+    of_grip: bool = False
+    rests_m: float | None = None  # how far the target is below what rests on it; None: beside it
 
     def __post_init__(self) -> None:
         """ConfigError unless threshold and functions are as the class describes."""
@@ -63,9 +68,10 @@ class Relation:
         hand, objects = IDENTITY, np.stack([IDENTITY] * 3)
         objects[:, :3] = (0.3, 0.1, -0.2), (-0.1, 0.2, 0.1), (0.2, -0.3, 0.4)
         one = hand[:3], objects[0, :3], self.threshold
+        grip = [hand] * self.of_grip
         for what, numbers, shape in (
-            ("measure", self.measure(hand, objects), (3,)),
-            ("measure", self.measure(hand[None, None], np.stack([objects] * 2)), (2, 3)),
+            ("measure", self.measure(hand, objects, *grip), (3,)),
+            ("measure", self.measure(hand[None, None], np.stack([objects] * 2), *grip), (2, 3)),
             ("goal", self.goal(*one), (3,)),
             ("outline", self.outline(*one)[:1], (1, 2)),
         ):
@@ -100,7 +106,8 @@ class Relation:
         if hand_pose is None:
             raise ConfigError(f"relation {self.name}: expected the hand's pose, got none")
         first = hand_pose if moved is None else in_base(hand_pose, moved)
-        return self.measure(first, in_base(hand_pose, objects))
+        grip = [hand_pose] * self.of_grip
+        return self.measure(first, in_base(hand_pose, objects), *grip)
 
     def of_places(self, hand: Float64, objects: Float64) -> Float64:
         """The measure of upright objects at places [..., 3] for an upright hand at a place [3]."""
@@ -109,6 +116,7 @@ class Relation:
         return self.measures(poses, np.concatenate([hand, IDENTITY[3:]]))
 
 
+BLOCK_M = 0.06  # edge of a cube and height of a cylinder: how far apart stacked ones are
 RELATIONS: Registry[Relation] = Registry("relation")
 
 
@@ -240,3 +248,62 @@ for _name, (_where, _side) in SIDES.items():
             outline=partial(_sector, _side),
         )
     )
+
+# The relations of a hand that holds. A place is as high as a block would be under what rests on it,
+# so that blocks on places and blocks on blocks look alike.
+
+GRIP_M = 0.105  # from the hand to the middle of a block that it holds
+HELD_M = 0.04  # and how much farther or nearer it may be
+NOT_HELD_M = 1.0  # added to the measure of HOLD while the hand holds nothing
+HELD_LIMITS = 2.0  # added to the measure of ON while the hand holds what is to rest
+ON_BESIDE_M, ON_HEIGHT_M = 0.03, 0.01  # from the middle of what something rests on
+
+
+def _from_grip(hand: Float64, objects: Float64) -> Float64:
+    """How far objects are from where the hand holds one; m."""
+    i, j, k, w = (hand[..., n] for n in range(3, 7))
+    axis = 2 * (i * k + j * w), 2 * (j * k - i * w), 1 - 2 * (i * i + j * j)  # the hand's own z
+    x, y, z = (objects[..., n] - hand[..., n] - GRIP_M * axis[n] for n in range(3))
+    return np.asarray(np.sqrt(x * x + y * y + z * z))
+
+
+def _held(hand: Float64, objects: Float64) -> Float64:
+    """The distance from where the hand holds something, and more while it holds nothing."""
+    holds = hand[..., POSE_WIDTH] if hand.shape[-1] > POSE_WIDTH else 0.0
+    return np.asarray(_from_grip(hand, objects) + NOT_HELD_M * (1.0 - holds))
+
+
+def _rests(first: Float64, objects: Float64, hand: Float64) -> Float64:
+    """How far `first` is from resting on objects, as shares of the limits, the greatest one; a
+    block that the hand holds rests on nothing."""
+    x, y, z = (first[..., n] - objects[..., n] for n in range(3))
+    beside = np.sqrt(x * x + y * y) / ON_BESIDE_M
+    height = np.abs(z - BLOCK_M) / ON_HEIGHT_M
+    held = _held(hand, first) <= HELD_M
+    return np.asarray(np.maximum(beside, height) + np.where(held, HELD_LIMITS, 0.0))
+
+
+register(
+    Relation(
+        name=HOLD,
+        meaning="holding it",
+        measure=_held,
+        unit="m",
+        threshold=HELD_M,
+        goal=lambda hand, target, threshold: target + np.array([0.0, 0.0, GRIP_M]),
+        outline=lambda hand, target, threshold: circle(hand, threshold),
+    )
+)
+register(
+    Relation(
+        name=ON,
+        meaning="resting on it: released, at its height and over its middle",
+        measure=_rests,
+        unit="of the limits",
+        threshold=1.0,
+        goal=lambda hand, target, threshold: target + np.array([0.0, 0.0, BLOCK_M]),
+        outline=lambda hand, target, threshold: circle(target, threshold * ON_BESIDE_M),
+        of_grip=True,
+        rests_m=BLOCK_M,
+    )
+)

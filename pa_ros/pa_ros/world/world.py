@@ -13,6 +13,7 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64, Observation
 from pa_ros.core.settings import canonical_json, read_json
 from pa_ros.language import Goal, Vocabulary, require_possible
+from pa_ros.language.syntax import HOLD
 from pa_ros.world.controller import AXES, HandController
 from pa_ros.world.poses import POSE_WIDTH
 from pa_ros.world.relation import RELATIONS
@@ -33,6 +34,7 @@ class World:
     vocabulary: Vocabulary
     joints: int
     controller: HandController | None = None  # None: an action is joint velocities
+    gripper: bool = False  # whether the hand can hold
 
     def __post_init__(self) -> None:
         # The rows of Φ follow the vocabulary and the features follow the schema, so both need one
@@ -50,7 +52,12 @@ class World:
                 f"world: bodiless words: expected {named}, got {self.vocabulary.bodiless}"
             )
         for relation in self.relations:
-            RELATIONS[relation]  # raises ConfigError for an unknown one
+            meant = RELATIONS[relation]  # raises ConfigError for an unknown one
+            if not self.gripper and (meant.of_grip or relation == HOLD):
+                raise ConfigError(
+                    f"world: relation {relation}: expected an arm with a gripper: choose a preset "
+                    "that has one"
+                )
 
     @property
     def object_features(self) -> int:
@@ -66,14 +73,25 @@ class World:
     def sees_hand_pose(self) -> bool:
         """Whether the arm's features end with the hand's pose. Relations in the base's frame need
         it, and programs that move objects, since those stay where they are when the hand moves."""
-        return self.vocabulary.moves_objects or any(
-            RELATIONS[relation].frame == "base" for relation in self.relations
+        return (
+            self.gripper
+            or self.vocabulary.moves_objects
+            or any(RELATIONS[relation].frame == "base" for relation in self.relations)
         )
 
     @property
     def arm_features(self) -> int:
         """Number of arm features: sin, cos, velocity of each joint; the hand's pose if needed."""
-        return 3 * self.joints + (POSE_WIDTH if self.sees_hand_pose else 0)
+        return 3 * self.joints + (self.hand_features if self.sees_hand_pose else 0)
+
+    @property
+    def hand_features(self) -> int:
+        """Numbers of `Observation.hand_pose`."""
+        return POSE_WIDTH + self.gripper
+
+    def hand_pose(self, arm: Float32) -> Float32:
+        """The part of arm features [..., A] that is `Observation.hand_pose`."""
+        return arm[..., -self.hand_features :]
 
     def arm(self, seen: Observation) -> Float32:
         """Arm features [A], float32: sin, cos, velocity (rad/s) of joints, `hand_pose` if used."""
@@ -89,15 +107,21 @@ class World:
 
     @property
     def actions(self) -> int:
-        """Elements of an action: one for each joint, or the controller's."""
-        return self.joints if self.controller is None else AXES
+        """Elements of an action: one for each joint, or the controller's; the gripper's."""
+        return (self.joints if self.controller is None else AXES) + self.gripper
+
+    @property
+    def commands(self) -> int:
+        """Elements of a command: one for each joint; the gripper's."""
+        return self.joints + self.gripper
 
     def joint_action(self, action: Float32, joint_position: Float64) -> Float32:
-        """The joint command [J] of an action [`actions`], both in [-1, 1]: parts of the joints'
-        speed limits."""
+        """The command [`commands`] of an action [`actions`], both in [-1, 1]: parts of the joints'
+        speed limits; the gripper is on above 0."""
         if self.controller is None:
             return action
-        return self.controller.joint_action(action, joint_position)
+        moving = self.controller.joint_action(action[:AXES], joint_position)
+        return np.concatenate([moving, action[AXES:]]) if self.gripper else moving
 
     @cached_property
     def value_words(self) -> Float32:
@@ -149,7 +173,7 @@ class World:
         }
         if self.controller is not None:
             data["controller"] = self.controller.to_data()
-        return data
+        return {**data, "gripper": True} if self.gripper else data
 
     @classmethod
     def from_data(cls, data: Any) -> World:
@@ -165,7 +189,8 @@ class World:
             controller = data.get("controller")
             if controller is not None:
                 controller = HandController.from_data(controller)
-            return cls(schema, asked, data["joints"], controller)
+            gripper = data.get("gripper", False) is True
+            return cls(schema, asked, data["joints"], controller, gripper)
         except (TypeError, ValueError, KeyError, AttributeError) as error:
             raise ConfigError(
                 f"world: expected its JSON: {error!r}, got {str(data)[:200]}"

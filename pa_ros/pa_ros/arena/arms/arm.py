@@ -27,6 +27,15 @@ class Joint:
 
 
 @dataclass(frozen=True)
+class VacuumCup:
+    """A gripper that holds the block whose top is at its tip, while it is on."""
+
+    reach_m: float  # from the hand's frame to the tip, along the frame's z axis
+    beside_m: float = 0.03  # from the tip to the middle of the block's top, sideways
+    below_m: float = 0.02  # and along the axis
+
+
+@dataclass(frozen=True)
 class ArmModel:
     """An arm in the middle of the table, with its base at the origin.
 
@@ -43,6 +52,7 @@ class ArmModel:
     mjcf: Callable[[str], str]
     block_radii_m: Range = (0.28, 0.58)  # where the hand can be near every block
     block_angles: Range = (-pi, pi)  # rad about the base
+    gripper: VacuumCup | None = None
 
     def __post_init__(self) -> None:
         count = len(self.joints)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from pa_ros.arena.arms.arm import Joint
+from pa_ros.arena.arms.arm import Joint, VacuumCup
 
 Vector = tuple[float, float, float]
 
@@ -44,6 +44,11 @@ class HandCapsule:
     radius_m: float
     half_length_m: float
     mass_kg: float
+
+    @property
+    def cup(self) -> VacuumCup:
+        """A vacuum cup at its end."""
+        return VacuumCup(reach_m=self.half_length_m + self.radius_m)
 
 
 @dataclass(frozen=True)

@@ -69,4 +69,5 @@ JACO = ArmModel(
     # score about 0.6, which is "effectively perfect" in the paper.
     {"fast": (1.5,) * 6, "paper": (0.5,) * 6},
     Chain(BASE, JOINTS, LINKS, HAND),
+    gripper=HAND.cup,
 )

@@ -64,4 +64,5 @@ PANDA = ArmModel(
     {"fast": (2.0,) * 4 + (2.5,) * 3, "paper": (0.5,) * 7},
     Chain(BASE, JOINTS, LINKS, HAND),
     block_angles=(-2.4, 2.4),
+    gripper=HAND.cup,
 )
