@@ -112,6 +112,22 @@ def test_published_versions() -> None:
     assert second.world_digest == WORLD.digest
 
 
+def test_published_weights_are_a_running_mean_if_asked_for() -> None:
+    rng = np.random.default_rng(0)
+    newest, mean = learner(), learner(updates__published=0.25)
+    expected = mean.snapshot().tensors
+    for sequence in range(3):
+        trajectory = random_trajectory(rng, 10, sequence=sequence)
+        for one in (newest, mean):
+            one.consume(trajectory)
+        actor = newest.snapshot().tensors
+        assert all(np.array_equal(actor[k], v) for k, v in mean.engine.actor_tensors().items())
+        expected = {k: v + np.float32(0.25) * (actor[k] - v) for k, v in expected.items()}
+    for name, tensor in mean.snapshot().tensors.items():
+        np.testing.assert_array_equal(tensor, expected[name])
+        assert tensor.dtype == np.float32
+
+
 def test_batches_are_gathered_from_transitions() -> None:
     rng = np.random.default_rng(0)
     one = learner()

@@ -51,7 +51,7 @@ def test_gradients_of_little_attention_to_oneself(kind, weight, objects, program
     check_gradients(made, make_batch(np.random.default_rng(objects), 8, objects, programs, 6))
 
 
-MIXTURES = [("NEAR", "ABOVE"), tuple(RELATIONS)]
+MIXTURES = [("NEAR", "ABOVE"), tuple(name for name in RELATIONS if name not in ("HOLD", "ON"))]
 
 
 @pytest.mark.parametrize("relations", MIXTURES, ids=len)

@@ -243,7 +243,7 @@ class Agent:
             raise ActingError(
                 "action: expected an observation before it, got none", code="learning.step"
             )
-        return self._command(np.zeros(len(self._step[0].observation.joint_position), np.float32))
+        return self._command(self._step[0].observation.hold.astype(np.float32))
 
     def _command(self, action: Float32) -> Float32:
         self._step = None

@@ -19,11 +19,14 @@ from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.acting.policy import Degrees, Policy
 from pa_ros.core.experience import Float32, Observation
 from pa_ros.language import MIN_MAX, And, Logic, Not, Program
+from pa_ros.language.syntax import HOLD, ON
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.inference import AVOIDED, MOVED, RELEVANT, TARGET
 from pa_ros.world.comparisons import choose
-from pa_ros.world.scoring import Score, Scoring
+from pa_ros.world.poses import places
+from pa_ros.world.relation import BLOCK_M, HELD_LIMITS, NOT_HELD_M, ON_BESIDE_M
+from pa_ros.world.scoring import REWARDED, Score, Scoring
 
 # A program means every object whose degree is at least this share of the greatest degree; to choose
 # one of them, the share is greater, since undecided words give about half a degree.
@@ -31,6 +34,13 @@ MEANT, SURELY = 0.5, 0.75
 # Shares of a relation's threshold: pushing stops at the first, and is slowed up to the second.
 # Actions that are joint velocities can move the hand faster, so they are slowed earlier.
 SLOWED, JOINTS_SLOWED = (0.6, 1.2), (0.0, 3.0)
+# A block is brought slower to where it is to rest from this many limits on, but not below this part
+# of full speed, and let go when no joint is faster than this (rad/s). The hand puts it down, and
+# then rises, at these parts of full speed.
+CAREFUL, SLOWEST, STILL, LOWERING, LEAVING = 4.0, 0.5, 0.1, 0.2, 0.3
+FROM_ABOVE_M = 0.03  # how much higher it must be until it is over where it is to rest
+TOUCHED_M = 0.06  # from where the hand would hold it: an object that it may touch
+UP = 2  # of the axes of an action
 AVOIDED_WITHIN_M = 0.40  # of the hand: what is farther away is not avoided
 # At this distance from the hand, an object to be avoided counts as much as the goal; nearer by the
 # second length, it counts e times as much.
@@ -48,12 +58,14 @@ class _Forms(NamedTuple):
     heedless: Program  # without what it avoids, too
     compares: bool
     moves_hand: bool
+    taking: Program  # of the hand, that holds what is to rest somewhere; plain
 
     @classmethod
     def of(cls, program: Program) -> _Forms:
         plain = program.sets_alone
         heedless = plain.relation_alone
-        return cls(program, plain, heedless, program.compares, program.moves_hand)
+        taking = Program(program.moved, HOLD)
+        return cls(program, plain, heedless, program.compares, program.moves_hand, taking)
 
 
 class Actor(Policy):
@@ -71,6 +83,7 @@ class Actor(Policy):
         self._scoring = Scoring.of(network.world.relations)
         self._slowed = SLOWED if network.world.controller else JOINTS_SLOWED
         self._forms: _Forms | None = None  # of the newest program
+        self._has_held = -1  # the newest episode in which the hand held something
 
     def act(self, observation: Observation, program: Program) -> Float32:
         """The greedy action, [J] in [-1, 1].
@@ -88,6 +101,8 @@ class Actor(Policy):
         if program.avoided is not None:
             return self._avoid(observation, forms, degrees)
         chosen, others = self._choose(observation, forms, degrees)
+        if self._puts(program) and all(chosen):
+            return self._put(observation, forms, chosen, others)
         action = self.infer(observation, forms.plain, others)
         if forms.moves_hand:
             return action
@@ -97,12 +112,67 @@ class Actor(Policy):
         """The networks' action with this episode's exploration noise, clipped to [-1, 1], [J]."""
         if self._noise is None:
             raise ActingError("policy: expected exploration noise, got a greedy actor")
-        plain, others = self._forms_of(program).plain, set[int]()
+        forms, others = self._forms_of(program), set[int]()
+        plain = forms.taking if self._explores_taking(observation, program) else forms.plain
         if program.compares:
             meant = _sets(self.degrees(observation, plain), MEANT)
             chosen = self._compared(observation, program, meant)
             others = _left_out(observation, meant, chosen)
         return self._noise.explore(self.infer(observation, plain, others), observation.episode)
+
+    def _put(
+        self, observation: Observation, forms: _Forms, chosen: Sequence[Objects], others: set[int]
+    ) -> Float32:
+        """The action that takes what is to rest somewhere, brings it there, slower at the end, and
+        leaves it alone once it rests there."""
+        seen, pose = observation.objects, observation.hand_pose
+        rests = self._scoring.of_program(forms.program, chosen, seen, pose)
+        held = self._scoring.of_targets(chosen[0], seen, HOLD, pose)
+        if rests.satisfied or (pose[-1] == 0 and self._touches_another(observation, held.measure)):
+            action = np.zeros(self._world.actions, np.float32)
+            action[UP], action[-1] = LEAVING, -1.0
+            return action
+        if not held.satisfied:
+            return self.infer(observation, forms.taking, others)
+        action = self.infer(observation, forms.plain, others)
+        action[:-1] *= np.float32(min(max(rests.measure / CAREFUL, SLOWEST), 1.0))
+        lets_go, action[-1] = action[-1] <= 0, 1.0
+        beside, above = self._offset(observation, chosen)
+        if rests.measure - HELD_LIMITS <= REWARDED:  # it is there: first stop, then let go
+            moves = float(np.abs(observation.joint_velocity).max()) > STILL
+            action[:-1], action[-1] = 0.0, 1.0 if moves else -1.0
+        elif lets_go and beside <= REWARDED * ON_BESIDE_M:  # over it: put it down before
+            action[:UP], action[UP] = 0.0, -LOWERING
+        elif beside > ON_BESIDE_M and above < FROM_ABOVE_M:  # so low it would push or drag
+            action[:UP], action[UP] = 0.0, LEAVING
+        return action
+
+    def _offset(self, observation: Observation, chosen: Sequence[Objects]) -> tuple[float, float]:
+        """How far what is held is beside and above where it is to rest, m."""
+        pair = observation.objects[[one[0] for one in chosen]]
+        (x, y, z), to = places(observation.hand_pose, pair)
+        return float(np.hypot(x - to[0], y - to[1])), float(z - to[2] - BLOCK_M)
+
+    def _touches_another(self, observation: Observation, chosen: float) -> bool:
+        """Whether the empty hand is at another object than the chosen one, so near that moving
+        sideways would take it along."""
+        away = self._scoring.measures(HOLD, observation.objects, observation.hand_pose)
+        away[observation.hand_index] = np.inf
+        nearest = float(away.min())
+        return nearest < chosen and nearest < NOT_HELD_M + TOUCHED_M
+
+    def _explores_taking(self, observation: Observation, program: Program) -> bool:
+        """Whether exploring begins with taking: until the hand has held something in this episode.
+        Agents learn to take long before they put anything anywhere (RHER, Luo et al. 2023)."""
+        if observation.hand_pose[-1] > 0:
+            self._has_held = observation.episode
+        return self._puts(program) and self._has_held != observation.episode
+
+    def _puts(self, program: Program) -> bool:
+        """Whether a program puts something somewhere, and the networks move the hand and can take
+        it."""
+        world = self._world
+        return program.relation == ON and HOLD in world.relations and world.controller is not None
 
     def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
         """p, [N]: the degree to which the program means each object.

@@ -28,6 +28,13 @@ class UpdatesConfig(Settings):
 
     per_frame: float = Field(1.0, ge=0, le=1000, description="updates for each transition (paper)")
     discount: float = Field(0.99, ge=0, lt=1, description="γ per control step (paper)")
+    published: float = Field(
+        1.0,
+        gt=0,
+        le=1,
+        description="share of the newest actor in the weights that are published after each "
+        "trajectory; below 1 they are a running mean, which swings less",
+    )
 
 
 class OptimizerConfig(Settings):

@@ -203,11 +203,15 @@ class Learner:
         return self.table.add(program)
 
     def _snapshot(self, version: int) -> PolicySnapshot:
+        tensors, share = self.engine.actor_tensors(), self.config.updates.published
+        if share < 1 and version:
+            mean = self.published[-1].tensors
+            tensors = {k: mean[k] + np.float32(share) * (v - mean[k]) for k, v in tensors.items()}
         return PolicySnapshot(
             version=version,
             architecture=self.network.architecture,
             world_digest=self.network.world.digest,
-            tensors=self.engine.actor_tensors(),
+            tensors=tensors,
         )
 
     def _count_due(self, frames: int) -> int:

@@ -9,12 +9,13 @@ from pydantic import Field, model_validator
 
 from pa_ros.core.settings import OneOf, Settings, nested
 from pa_ros.language import Vocabulary
+from pa_ros.language.syntax import ON
 from pa_ros.learning.algorithms import ALGORITHMS
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkSettings
 
 OURS, DPG = "ours", "dpg"  # the defaults
-PUSH, DEEP = "push", "deep"  # the defaults of some designs: see `recipe_for`
+PUSH, STACK, DEEP = "push", "stack", "deep"  # of some designs: see `recipe_for`
 Values = Mapping[str, Any]  # by dotted path, "learner.PART.NAME" or "network.NAME"
 
 # As in the appendix. Of what it leaves open, the initial weights matter most: a critic that starts
@@ -64,6 +65,14 @@ _PUSH: Values = {
     "network.attention": 32,
 }
 
+# For programs that put objects on each other: smaller steps later, and agents act by a running mean
+# of the actor, which places blocks more exactly than the newest one.
+_STACK: Values = {
+    **_PUSH,
+    "learner.optimizer.half_life": 80_000,
+    "learner.updates.published": 0.2,
+}
+
 # For programs that say more than where the hand should be near: that avoid a set, or have one of
 # several relations. A layer more, and larger steps of larger batches that become smaller.
 _DEEP: Values = {
@@ -77,13 +86,15 @@ _DEEP: Values = {
     "network.attention": 32,
 }
 
-RECIPES: Mapping[str, Values] = {"paper": _PAPER, OURS: _OURS, PUSH: _PUSH, DEEP: _DEEP}
+RECIPES: Mapping[str, Values] = {
+    "paper": _PAPER, OURS: _OURS, PUSH: _PUSH, STACK: _STACK, DEEP: _DEEP
+}  # fmt: skip
 
 
 def recipe_for(vocabulary: Vocabulary) -> str:
     """The recipe for programs with these words, unless another one is chosen."""
     if vocabulary.moves_objects:
-        return PUSH
+        return STACK if ON in vocabulary.relations else PUSH
     return DEEP if vocabulary.avoids or len(vocabulary.relations) > 1 else OURS
 
 
@@ -109,7 +120,8 @@ class LearningSettings(Settings):
     recipe: Annotated[str, OneOf(lambda: RECIPES)] = Field(
         OURS,
         description="named set of defaults for `learner` and `network`: the paper's, ours, or ours "
-        "for programs that move objects (push), or avoid some or have several relations (deep)",
+        "for programs that move objects (push), put them on each other (stack), or avoid some or "
+        "have several relations (deep)",
     )
     algorithm: Annotated[str, OneOf(lambda: ALGORITHMS)] = Field(
         DPG, description="learning algorithm"

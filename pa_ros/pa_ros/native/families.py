@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pa_ros.language import MIN_MAX, PRODUCT, Logic, Program
+from pa_ros.language import MIN_MAX, PRODUCT, Logic, Program, Vocabulary
+from pa_ros.language.flat import Compiled
 from pa_ros.native import _fused
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.families import (
@@ -67,8 +69,12 @@ class FusedTrunk:
 
     def set_program(self, actor: _fused.Actor, program: Program, network: NetworkConfig) -> None:
         """Let an actor act on a program; ProgramError if it cannot be compiled."""
-        table = ProgramTable(network.vocabulary, [program])
-        actor.set_program(**table.compiled()._asdict())
+        actor.set_program(**_compiled(program, network.vocabulary)._asdict())
+
+
+@lru_cache(maxsize=64)  # an agent goes back and forth between a few programs
+def _compiled(program: Program, vocabulary: Vocabulary) -> Compiled:
+    return ProgramTable(vocabulary, [program]).compiled()
 
 
 class Mlp:

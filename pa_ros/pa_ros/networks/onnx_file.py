@@ -20,7 +20,6 @@ from pa_ros.language.flat import AND, NOT, OR, compile_program
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.detectors import sharpened
 from pa_ros.networks.parameters import LITTLE, NOTHING, Tensors
-from pa_ros.world.poses import POSE_WIDTH
 
 OPSET, IR_VERSION = 17, 8  # of 2022, so that older runtimes read the files
 
@@ -55,7 +54,8 @@ def meanings(network: NetworkConfig) -> dict[str, tuple[tuple[str | int, ...], s
         "joint_velocity": (("batch", joints), "rad/s"),
     }
     if world.sees_hand_pose:
-        found["hand_pose"] = (("batch", POSE_WIDTH), "x y z qx qy qz qw, m, in the base's frame")
+        pose = "x y z qx qy qz qw, m, in the base's frame" + "; 1 if it holds" * world.gripper
+        found["hand_pose"] = (("batch", world.hand_features), pose)
     found["program"] = (
         ("batch", "instructions", 3),
         "int64 operation (0 NOT, 1 AND, 2 OR, 3 COPY: for padding), register a, register b; "
@@ -73,6 +73,7 @@ def meanings(network: NetworkConfig) -> dict[str, tuple[tuple[str | int, ...], s
             f"of {world.controller.hand_speed:g} m/s; pa_ros.world.controller makes joint "
             "velocities of it"
         )
+    action += "; then the gripper, on above 0" * world.gripper
     found["action"] = (("batch", world.actions), action)
     found["relevance"] = (("batch", "objects"), "p: the degree to which the program means each")
     return found

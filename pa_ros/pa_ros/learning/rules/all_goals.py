@@ -23,7 +23,6 @@ from pa_ros.learning.replay_buffer.buffer import Column, Int64, ReplayBuffer
 from pa_ros.learning.rules.rule import Drawn, Int32, Rule
 from pa_ros.world import Scoring, Trajectory
 from pa_ros.world.measures import ProgramMeasures
-from pa_ros.world.poses import POSE_WIDTH
 from pa_ros.world.world import World
 
 MAX_PROGRAMS = 64  # bits of a mask
@@ -109,7 +108,7 @@ class AllGoals(Rule):
         masks = self.masks(
             trajectory.objects,
             trajectory.hand_index,
-            trajectory.arm[:, -POSE_WIDTH:],
+            self._world.hand_pose(trajectory.arm),
             trajectory.measures,
         )
         return {name: value for name, value in masks._asdict().items() if value is not None}

@@ -29,12 +29,16 @@ from pa_ros.learning.rules.seen import SeenSets
 from pa_ros.world import Scoring, Trajectory
 from pa_ros.world.poses import POSE_WIDTH, in_base, in_hand
 from pa_ros.world.programs import ProgramTable
+from pa_ros.world.relation import RELATIONS
 from pa_ros.world.world import World
 
 Bools = NDArray[np.bool_]
 Bits = NDArray[np.uint8]  # eight programs in each, the first one in the lowest bit
 
 RARITY = 8.0  # beside one other program, one whose target has a body is drawn once in nine times
+# Where something is to rest, at any height: half of the moved places are where it was at the end,
+# and they are moved less.
+LAST, RESTS_SPREAD_M, RESTS_RARITY = 0.5, 0.008, 2.0
 MOVED_M = 0.02  # a block that went farther than this in a trajectory has moved
 
 
@@ -84,6 +88,10 @@ class Hindsight(Rule):
         self._body = world.schema.bodies(kinds.features)  # [kinds]
         self._seen = None if world.schema.tells_words else SeenSets(programs, world, scoring)
         self._relations = self._table.compiled().relation
+        # How far below what rests on it a target is, by relation; NaN: it keeps its height.
+        rests = [RELATIONS[name].rests_m for name in world.relations]
+        self._rests_m = np.array([np.nan if below is None else below for below in rests])
+        self._rest = bool(np.isfinite(self._rests_m).any())
         hand = len(world.vocabulary.words)  # its register
         self._hand_moves = self._table.compiled().moved == hand
         self._of_hand: Bits = np.packbits(self._hand_moves[: len(programs)], bitorder="little")
@@ -105,12 +113,12 @@ class Hindsight(Rule):
     def describe(self, trajectory: Trajectory) -> dict[str, Any]:
         described = {
             "left": np.arange(len(trajectory), -1, -1),
-            "moved": moved_objects(trajectory),
+            "moved": moved_objects(trajectory, self._world),
         }
         if self._seen is None:
             return {**described, "kind": self._kinds.of(trajectory.objects)}
         measures = published(trajectory.measures, len(trajectory) + 1, self._count)
-        poses = trajectory.arm[:, -POSE_WIDTH:]
+        poses = self._world.hand_pose(trajectory.arm)
         sets = self._seen(trajectory.objects, trajectory.hand_index, poses, measures)
         bits = np.uint64(1) << np.arange(len(sets), dtype=np.uint64)
         described["sets"] = np.einsum("psn,p->ns", sets.astype(np.uint64), bits)
@@ -131,7 +139,7 @@ class Hindsight(Rule):
         # No program is about the block that moved: then any that fits the scene.
         wanted = np.where(wanted.any(-1, keepdims=True), wanted, fits)
         keys = rng.random(wanted.shape)
-        keys[:, self._rare] **= RARITY
+        keys[:, self._rare] **= RESTS_RARITY if self._rest else RARITY
         program = _one_of(keys, wanted)
         chosen = _of_program(sets, program, every)
         # At times also another program that fits, joined by OR.
@@ -140,7 +148,7 @@ class Hindsight(Rule):
         other = _one_of(rng.random((len(rows), others.shape[1])), others[rows])
         chosen[rows] |= _of_program(sets, other, rows)
         program[rows] = self._joined[program[rows], other]
-        self._move_places(rng, replay, drawn, chosen, bodies, block)
+        self._move_places(rng, replay, drawn, program, chosen, bodies, block)
         known = fits.any(-1, keepdims=True)
         reward = self._reward(drawn, program, chosen)
         drawn.program = np.where(known, program[:, None], drawn.program)
@@ -190,6 +198,7 @@ class Hindsight(Rule):
         rng: np.random.Generator,
         replay: ReplayBuffer,
         drawn: Moved,
+        program: Int32,
         sets: Bools,
         bodies: Bools,
         moved: Int64,
@@ -217,12 +226,21 @@ class Hindsight(Rule):
         # A later step of the same episode, or this transition's end.
         left = replay.arrays["left"][drawn.index[rows]]
         later = drawn.index[rows] + 1 + (rng.random(len(rows)) * left).astype(np.int64)
+        rests_m = self._rests_m[self._relations[program[rows]]]
+        rests = np.isfinite(rests_m)
+        if self._rest:
+            end = drawn.index[rows] + left
+            # Nothing rests in the air: rather where it was at the end, than while it was held.
+            held = self._hand(replay.arrays["arm"][later % replay.capacity])[:, -1] > 0
+            later = np.where(rests & (held | (rng.random(len(rows)) < LAST)), end, later)
         later %= replay.capacity
         there = replay.arrays["objects"][later, who, :POSE_WIDTH].astype(np.float64)
-        there = in_base(_hand(replay.arrays["arm"][later]), there)[:, :2]
-        hand, next_hand = _hand(drawn.arm[rows]), _hand(drawn.next_arm[rows])
+        there = in_base(self._hand(replay.arrays["arm"][later]), there)
+        hand, next_hand = self._hand(drawn.arm[rows]), self._hand(drawn.next_arm[rows])
         pose = in_base(hand, drawn.objects[rows, place, :POSE_WIDTH].astype(np.float64))
-        pose[:, :2] = there + rng.normal(0.0, config.spread, there.shape)
+        spread = np.where(rests, RESTS_SPREAD_M, config.spread)[:, None]
+        pose[:, :2] = there[:, :2] + rng.normal(0.0, spread, (len(rows), 2))
+        pose[:, 2] = np.where(rests, there[:, 2] - rests_m, pose[:, 2])
         drawn.objects[rows, place, :POSE_WIDTH] = in_hand(hand, pose)
         drawn.next_objects[rows, place, :POSE_WIDTH] = in_hand(next_hand, pose)
 
@@ -230,7 +248,7 @@ class Hindsight(Rule):
         """Rewards [B] by the verifier's rule, of programs with their sets [B, 2, N]."""
         size, _, n_objects = sets.shape
         reward, nearest = np.zeros(size, np.float32), np.full(size, np.inf)
-        poses, hands = drawn.next_objects[..., :POSE_WIDTH], _hand(drawn.next_arm)
+        poses, hands = drawn.next_objects[..., :POSE_WIDTH], self._hand(drawn.next_arm)
         hand_moves, relation = self._hand_moves[program], self._relations[program]
         pairs = sets[:, 0, :, None] & sets[:, 1, None] & ~np.eye(n_objects, dtype=np.bool_)
         row, first, second = np.nonzero(pairs)
@@ -247,10 +265,13 @@ class Hindsight(Rule):
                 reward[asked] = score.reward
         return reward
 
+    def _hand(self, arm: Float32) -> Float64:
+        return self._world.hand_pose(arm).astype(np.float64)
 
-def moved_objects(trajectory: Trajectory) -> Bools:
+
+def moved_objects(trajectory: Trajectory, world: World) -> Bools:
     """Which objects are elsewhere at a trajectory's end, the hand not counted: [N]."""
-    hand, objects = trajectory.arm[[0, -1], None, -POSE_WIDTH:], trajectory.objects[[0, -1]]
+    hand, objects = world.hand_pose(trajectory.arm[[0, -1], None]), trajectory.objects[[0, -1]]
     poses = in_base(hand.astype(np.float64), objects[..., :POSE_WIDTH].astype(np.float64))
     first, last = poses[..., :3]
     moved: Bools = np.linalg.norm(last - first, axis=-1) > MOVED_M
@@ -278,7 +299,3 @@ def _either(one: Program, two: Program) -> Program | None:
     if one.target == two.target and HAND not in (one.moved, two.moved):
         return replace(one, moved=Or((one.moved, two.moved)))
     return None
-
-
-def _hand(arm: Float32) -> Float64:
-    return arm[..., -POSE_WIDTH:].astype(np.float64)

@@ -1,0 +1,68 @@
+"""What an agent does under ON: it takes first, is careful at the end, and leaves what rests."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pa_ros.acting.executing import Actor
+from pa_ros.arena import ARMS, Block, Episode, ReachTask, design_named, preset_for
+from pa_ros.core.experience import Observation
+from pa_ros.language import parse
+from pa_ros.learning.checkpoints import load_policy
+from pa_ros.world.relation import BLOCK_M, GRIP_M
+
+STACK = design_named("stack-2")
+RED, BLUE = (next(k for k in STACK.pool if k.words == {c, "CUBE"}) for c in ("RED", "BLUE"))
+ON = parse("ON(AND(RED, CUBE), AND(BLUE, CUBE))", STACK.vocabulary)
+START = tuple(joint.start for joint in ARMS["jaco"].joints)
+
+
+@pytest.fixture(scope="module")
+def actor() -> Actor:
+    return Actor.of(load_policy(Path("shipped:stack")))
+
+
+@pytest.fixture
+def task() -> ReachTask:
+    return ReachTask(preset_for(STACK), STACK, seed=1)
+
+
+def seen(task: ReachTask, red: Block, blue: Block, held: int | None = None) -> Observation:
+    observation, _ = task.reset_to(Episode(0, "train", (red, blue), START, ON, held))
+    return observation
+
+
+def test_a_block_is_taken_before_it_is_put_somewhere(task: ReachTask, actor: Actor) -> None:
+    observation = seen(task, Block(RED, 0.4, 0.2, 0.0), Block(BLUE, 0.4, -0.2, 0.0))
+    taking = parse("HOLD(HAND, AND(RED, CUBE))", STACK.vocabulary)
+    np.testing.assert_array_equal(actor.act(observation, ON), actor.infer(observation, taking))
+
+
+def test_the_hand_rises_from_what_rests_and_holds_nothing(task: ReachTask, actor: Actor) -> None:
+    on_blue = Block(RED, 0.4, 0.2, 0.0, above_m=BLOCK_M)
+    action = actor.act(seen(task, on_blue, Block(BLUE, 0.4, 0.2, 0.0)), ON)
+    assert action.tolist() == pytest.approx([0.0, 0.0, 0.3, -1.0])
+
+
+def test_a_block_is_let_go_where_it_is_to_rest_once_the_arm_stands_still(
+    task: ReachTask, actor: Actor
+) -> None:
+    red, blue = Block(RED, 0.4, 0.2, 0.0), Block(BLUE, 0.4, -0.2, 0.0)
+    x, y, z, *_ = seen(task, red, blue).hand_pose
+    under = Block(BLUE, x, y, 0.0, above_m=z - GRIP_M - 1.5 * BLOCK_M)
+    observation = seen(task, red, under, held=0)
+    assert observation.hand_pose[-1] == 1.0
+    assert actor.act(observation, ON).tolist() == [0.0, 0.0, 0.0, -1.0]
+    observation.joint_velocity[0] = 0.5
+    assert actor.act(observation, ON).tolist() == [0.0, 0.0, 0.0, 1.0]
+
+
+def test_the_empty_hand_first_leaves_another_block_that_it_touches(
+    task: ReachTask, actor: Actor
+) -> None:
+    red, blue = Block(RED, 0.4, 0.2, 0.0), Block(BLUE, 0.4, -0.2, 0.0)
+    x, y, z, *_ = seen(task, red, blue).hand_pose
+    at_hand = Block(BLUE, x, y, 0.0, above_m=z - GRIP_M - BLOCK_M / 2)
+    action = actor.act(seen(task, red, at_hand), ON)
+    assert action.tolist() == pytest.approx([0.0, 0.0, 0.3, -1.0])
