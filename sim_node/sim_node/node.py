@@ -63,7 +63,7 @@ class SimNode(ArenaNode):
     # One control step
 
     def _on_command(self, message: Message) -> None:
-        command = decode_command(message, self._joints)
+        command = decode_command(message, self._command_size)
         agent = AgentKey(command.agent_id, command.incarnation)
         if not self._agents.received(agent, agent):
             return  # the diagnostics name this second agent

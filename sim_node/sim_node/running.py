@@ -75,7 +75,7 @@ class ArenaNode(ManagedNode):
         self._status = topics.PROGRAM_STATUS.publisher(self)
         self._info = self.advertise(topics.ARENA_INFO)
         about = self.session.describe()
-        self._joints = len(about.joint_names)
+        self._command_size = about.world.commands
         self._step_views = StepViews(self, about.joint_names)
         self._info.publish(encode_arena_info(about))
         self._provenance = topics.PROVENANCE.publisher(self)

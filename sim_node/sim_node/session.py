@@ -80,8 +80,7 @@ class Session:
         told = self.arena, config.design_of(), config.seed
         self.task = task_seen(*told, self.perception, reward)
         self.book = ProgramBook(self.task.design.vocabulary, own=f"{arena_id}/")
-        self.speed_limits = np.array(self.arena.joint_speed_limits)  # [J] rad/s
-        self.hold: Float64 = np.zeros(self.arena.joints)  # the command that stops the arm, rad/s
+        self.speed_limits = np.array(self.arena.command_limits)  # [J] rad/s
         self.steps = 0  # control periods so far
         self.clamped = 0  # commands outside [-1, 1] so far
         self.disturbed = False  # someone moved blocks after the current step was published
@@ -91,6 +90,11 @@ class Session:
         self._next = {False: config.first_episode, True: config.first_episode // (every or 1)}
         self._evaluation_due = False
         self._requested: ActiveProgram | None = None  # the newest program that a person sent
+
+    @property
+    def hold(self) -> Float64:
+        """The command that stops the arm."""
+        return self.current.observation.hold
 
     # Steps
 

@@ -24,6 +24,7 @@ PUBLISHED = {
     "tf2_msgs/msg/TFMessage": "e369d0f05a23ae52508854b66f6aa043",
     "vision_msgs/msg/Detection3DArray": "793f5eab9595ac1c0da07873cc859db4",
     "control_msgs/msg/JointJog": "ba249455a20f70168a1acb7bf43b776b",
+    "control_msgs/action/GripperCommand": "e17c0e644eccf14bea84a0a93e097718",
     "simulation_interfaces/action/SimulateSteps": "f0837c898e1219cd73bf4c041feab41e",
     "simulation_interfaces/srv/DeleteEntity": "ff7e96a5b83dc8e2bb34b8b034480028",
     "simulation_interfaces/srv/GetEntities": "cb90004c48cd50f37732fb008e22c34c",

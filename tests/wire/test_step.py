@@ -122,4 +122,4 @@ def test_malformed_commands_are_rejected(action, code):
     message = encode_command(Command(0, 0, 0, "a", 0, np.zeros(6, np.float32)))
     message.action = action
     with rejected(code, match=r"joint_commands\.action(\[5\])?: expected"):
-        decode_command(message, joints=6)
+        decode_command(message, numbers=6)

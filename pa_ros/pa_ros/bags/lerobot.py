@@ -222,7 +222,8 @@ def _until_its_end(rows: list[Row], hold: int) -> Goal:
         if held > hold or (verdict is not None and (verdict.truncated or verdict.violated)):
             return Goal(rows[:count], held > 0)
         # An agent that gives a goal up commands the arm to hold.
-        if count > 1 and len(row.action) and not row.action.any():
+        joints = len(row.seen.joint_position)
+        if count > 1 and len(row.action) and not row.action[:joints].any():
             return Goal(rows[:count], False)
     return Goal(rows, False)
 
@@ -230,7 +231,11 @@ def _until_its_end(rows: list[Row], hold: int) -> Goal:
 def _columns(episode: Goal, objects: int) -> Columns:
     """The frames of an episode; absent blocks are zero."""
     taken, following = episode.rows[:-1], episode.rows[1:]
-    state = [np.concatenate([row.seen.joint_position, row.seen.joint_velocity]) for row in taken]
+    state = [
+        # A gripper's number follows the hand's pose.
+        np.concatenate([row.seen.joint_position, row.seen.joint_velocity, row.seen.hand_pose[7:]])
+        for row in taken
+    ]
     columns = {
         "observation.state": np.array(state, np.float32),
         "observation.environment_state": padded(taken, objects, 0.0).reshape(len(taken), -1),
@@ -249,13 +254,18 @@ def _features(
     joints = list(ARMS[arena.arm].joint_names)
     width = arena.world.object_features
     count = columns["observation.environment_state"].shape[1] // width
-    action = joints if arena.world.controller is None else ["outward", "left", "up"]
+    gripper = ["gripper"] * arena.world.gripper
+    of_joints = columns["action"].shape[1] == arena.world.commands
+    action = joints if of_joints else ["outward", "left", "up"]
     names = {
-        "observation.state": [f"{j}.{k}" for k in ("position", "velocity") for j in joints],
+        "observation.state": [
+            *(f"{j}.{k}" for k in ("position", "velocity") for j in joints),
+            *(f"{name}.holds" for name in gripper),
+        ],
         "observation.environment_state": [
             f"object{i}.{name}" for i in range(count) for name in arena.world.schema.feature_names
         ],
-        "action": action,
+        "action": [*action, *gripper],
     }
     features: dict[str, Any] = {
         name: {

@@ -207,7 +207,7 @@ class ArenaReplay:
         reward = reward_from(arena.reward)
         self._task = task_seen(preset, design, arena.seed, arena.perception, reward)
         self._condition, self._world = condition, self._task.world
-        self._speeds = np.array(arena.speed_limits)
+        self._speeds = np.array([*arena.speed_limits, *[1.0] * arena.world.gripper])
         self._at: tuple[int, int] | None = None  # episode and step; None: not as recorded
         self._observed: tuple[Observation, Verdict]
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from action_msgs.msg import GoalStatusArray
+from control_msgs.action import GripperCommand
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -19,6 +20,7 @@ from pa_ros.wire import Message
 
 EXECUTE_PROGRAM = ("execute_program", ExecuteProgram)
 SIMULATE_STEPS = ("simulate_steps", SimulateSteps)
+FINGERS = GripperCommand  # of drivers, by any name
 # The states of the goals of all clients
 GOALS = Topic(f"{EXECUTE_PROGRAM[0]}/_action/status", GoalStatusArray, LATCHED, LATCHED_READER)
 

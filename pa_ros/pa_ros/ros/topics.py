@@ -16,7 +16,7 @@ from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from simulation_interfaces import srv as simulator
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import Bool, Float64MultiArray, String
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory
 from vision_msgs.msg import Detection3DArray
@@ -169,6 +169,16 @@ DETECTIONS = SensorTopic("detections", Detection3DArray, STEP, PICTURE)
 def tracked_pose(name: str) -> Topic:
     """A topic with the pose of one object."""
     return SensorTopic(name, PoseStamped, STEP, STEP)
+
+
+def valve(name: str) -> Topic:
+    """A topic that switches a vacuum cup."""
+    return Topic(name, Bool, STEP, STEP)
+
+
+def holds(name: str) -> Topic:
+    """A topic on which a gripper says whether it holds something."""
+    return SensorTopic(name, Bool, STEP, STEP)
 
 
 # For viewers.

@@ -8,13 +8,15 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from control_msgs.action import GripperCommand
 from geometry_msgs.msg import Point, PoseStamped
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
 from vision_msgs.msg import Detection3DArray
 from visualization_msgs.msg import Marker, MarkerArray
 
 from pa_ros.core.experience import Float64
-from pa_ros.wire import LONGEST, WireError
+from pa_ros.wire import LONGEST, Message, WireError
 from pa_ros.wire.fields import NS, header_stamp, read_array, write_stamp, write_vector
 from pa_ros.wire.step import LARGEST
 
@@ -177,6 +179,29 @@ def _chosen(name: str, values: Sequence[float], order: Sequence[int], count: int
         received = len(values) or "none: does the driver publish them?"
         raise WireError(name, f"{count} numbers, one for each name", received, code="wire.size")
     return read_array(name, [values[i] for i in order], np.float64, (len(order),), LARGEST)
+
+
+def decode_holds(message: Bool) -> bool:
+    """Whether a gripper says that it holds something."""
+    return bool(message.data)
+
+
+def decode_finger(message: JointState, name: str) -> float | None:
+    """The position of one joint; None for a message about others."""
+    return next((at for joint, at in zip(message.name, message.position, strict=False)
+                 if joint == name), None)  # fmt: skip
+
+
+def encode_valve(on: bool) -> Message:
+    """Whether a vacuum cup is to be on."""
+    return Message(Bool(data=on))
+
+
+def encode_fingers(gap_m: float, max_effort: float) -> GripperCommand.Goal:
+    """A gap for fingers to move to, and the greatest effort (N)."""
+    goal = GripperCommand.Goal()
+    goal.command.position, goal.command.max_effort = gap_m, max_effort
+    return goal
 
 
 def encode_table(

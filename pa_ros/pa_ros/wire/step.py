@@ -97,6 +97,7 @@ def decode_step(
         raise WireError(name, expected, received, code="wire.feature_names")
     shape, arm = (count, width or received), (joints or len(message.joint_position),)
     objects = read_array("object_features.features", message.features, np.float32, shape, LARGEST)
+    hand = (max(7, min(len(message.hand_pose), 8)),)  # a gripper adds a number
     position, velocity, pose = message.joint_position, message.joint_velocity, message.hand_pose
     stamp = message.header.stamp
     observation = Observation(
@@ -112,12 +113,13 @@ def decode_step(
         ),
         hand_index=hand_index,
         program_id=message.program_id,
-        hand_pose=read_array("object_features.hand_pose", pose, np.float64, (7,), LARGEST),
+        hand_pose=read_array("object_features.hand_pose", pose, np.float64, hand, LARGEST),
     )
     executed = verdict = None
     if message.commanded_by:
         command = message.commanded_by, message.commanded_incarnation, message.command_id
-        applied = read_array("object_features.applied", message.applied, np.float32, arm)
+        numbers = (arm[0] + hand[0] - 7,)
+        applied = read_array("object_features.applied", message.applied, np.float32, numbers)
         executed = Executed(CommandKey(*command), applied)
     if message.judged:
         verdict = _read_verdict(message)
@@ -196,12 +198,12 @@ def encode_command(command: Command, into: msg.JointCommand | None = None) -> ms
     return message
 
 
-def decode_command(message: msg.JointCommand, joints: int | None = None) -> Command:
+def decode_command(message: msg.JointCommand, numbers: int | None = None) -> Command:
     """A command; the arm clamps it to [-1, 1]. Raises WireError.
 
-    :param joints: number of joints of the receiver's arm; None: any.
+    :param numbers: how many the receiver's arm takes (`World.commands`); None: any.
     """
-    shape = (len(message.action) if joints is None else joints,)
+    shape = (len(message.action) if numbers is None else numbers,)
     return Command(
         episode=message.episode,
         step=message.step,

@@ -42,6 +42,7 @@ class RealArm:
         config, self._design = settings.arena_config(), settings.design_of()
         self.frames, self.joints = FrameTree(), JointHistory(robot.joints)
         self.seen: Observation | None = None  # the newest observation
+        self.holds: bool | None = None  # whether the gripper says so; None: not yet
         self.program: str = ""  # canonical text; empty: none yet
         self.measured: dict[str, Float64] = {}  # pose [7] in the base's frame, by object
         self.model = hand_controller(config)
@@ -92,8 +93,8 @@ class RealArm:
 
     def observe(self, now_s: float, stamp_ns: int) -> Step:
         """The present step, stamped `stamp_ns`. Raises ArenaError if anything is not measured:
-        `robot.joints`, `robot.poses`, or `robot.model` if the hand is elsewhere than the model
-        says."""
+        `robot.joints`, `robot.poses`, `robot.gripper`, or `robot.model` if the hand is elsewhere
+        than the model says."""
         at_hand = self._measure(now_s)
         hand, *_ = poses = [*self.measured.values()]
         joints = self.joints.at(at_hand.stamp_ns)
@@ -104,10 +105,20 @@ class RealArm:
         self.believed.measured(joints.position, now_s - at_hand.arrived_s, now_s)
         objects = objects_from_poses(self._design.schema, self._kinds, np.array(poses))
         step = 0 if self.seen is None else self.seen.step + 1
+        hand = self._with_grip(hand)
         measured = objects, position, joints.velocity, 0, self._program_id, hand
         self.seen = Observation(0, step, stamp_ns, *measured)
         verdict = self._verifier.verdict(objects, hand) if self._verifier else None
         return Step(self.seen, verdict, self.program, arena_id=self.about.arena_id)
+
+    def _with_grip(self, hand: Float64) -> Float64:
+        """The hand's pose, and of a gripper whether it holds something. Raises ArenaError."""
+        if self.settings.gripper is None:
+            return hand
+        if self.holds is None:
+            where = self.settings.gripper.holds or f"joint {self.settings.gripper.joint}"
+            raise ArenaError(f"gripper: nothing heard yet of {where}", code="robot.gripper")
+        return np.append(hand, float(self.holds))
 
     def _as_learned(self, position: Float64) -> Float64:
         """Joint positions [J] in the model's ranges: a driver's -90 degrees may be its 270."""
@@ -166,7 +177,8 @@ class RealArm:
                 f"{behind_s:.1f} s old, under {self.program or 'none'}",
                 code="command.stale",
             )
-        return np.asarray(np.clip(command.action, -1.0, 1.0) * self.about.speed_limits)
+        action = command.action[: len(self.joints.names)]
+        return np.asarray(np.clip(action, -1.0, 1.0) * self.about.speed_limits)
 
     def allowed(self, velocity: Float64) -> Float64:
         """The joint velocities [J] that the box allows where the arm is believed to be; rad/s."""

@@ -37,6 +37,7 @@ from pa_ros.wire.robot import (
 from pa_ros.wire.step import decode_command, encode_step
 from sim_node.robot.arm import COMMAND_TIMEOUT_S, RealArm
 from sim_node.robot.frames import Placed
+from sim_node.robot.gripper import RobotGripper
 from sim_node.robot.output import RobotOutput
 from sim_node.robot.relay import Relay
 from sim_node.robot.settings import load_robot, measured_frame
@@ -81,10 +82,15 @@ class RobotNode(ManagedNode):
         self._markers = topics.MARKERS.publisher(self)
         self.relay = self._start_relay()
         self.output = RobotOutput(self, self.arm, self.relay)
+        settings = robot.settings
+        self.gripper = None
+        if settings.gripper is not None:
+            told = partial(setattr, self.arm, "holds")
+            self.gripper = RobotGripper(self, settings.gripper, settings.dry_run, told)
 
         things = robot.objects.values()
         self._classes = {t.detection: measured_frame(t.detection) for t in things if t.detection}
-        settings, sources = robot.settings, [thing.source for thing in things]
+        sources = [thing.source for thing in things]
         self.arm.frames.want([settings.hand_frame, *sources, settings.base_frame])
         self._listen(topics.JOINT_STATES, self._on_joints)
         self._listen(topics.TF, self._on_transforms)
@@ -185,6 +191,8 @@ class RobotNode(ManagedNode):
             self._loss = error
             if self.active and not was_lost:
                 self.refusals.refuse("the arm holds", error)
+            if self.active and self.gripper is not None:
+                self.gripper.lost()
         else:
             if self.active:
                 self._features.publish(encode_step(self._step))
@@ -194,7 +202,7 @@ class RobotNode(ManagedNode):
             self.output.keep()
 
     def _on_command(self, message: Message) -> None:
-        command = decode_command(message, len(self.arm.joints.names))
+        command = decode_command(message, self.arm.about.world.commands)
         agent = AgentKey(command.agent_id, command.incarnation)
         if not self._agents.received(agent, agent):
             return  # the diagnostics name this second agent
@@ -203,6 +211,8 @@ class RobotNode(ManagedNode):
         if self._loss is not None:
             raise self._loss
         self.output.send(self.arm.velocity(command))
+        if self.gripper is not None:
+            self.gripper.switch(on=bool(command.action[-1] > 0))
         self._commanded_at = time.monotonic()
 
     def _commands_are_late(self) -> bool:

@@ -69,6 +69,31 @@ class Workspace(Settings):
         return self
 
 
+class GripperSettings(Settings):
+    """How a gripper is driven, and what says whether it holds something."""
+
+    valve: str = Field("", description="topic of std_msgs/Bool: true while a vacuum cup is on")
+    fingers: str = Field("", description="action of control_msgs/GripperCommand")
+    open_m: float = Field(0.08, ge=0, le=1, description="gap of the fingers when they let go")
+    closed_m: float = Field(
+        0.0, ge=0, le=1, description="gap that they close to; a block stops them"
+    )
+    max_effort: float = Field(20.0, ge=0, le=1e3, description="N, of the fingers")
+    holds: str = Field("", description="topic of std_msgs/Bool: true while it holds something")
+    joint: str = Field("", description="finger in joint_states, in place of such a topic")
+    holds_above: float = Field(0.01, ge=0, le=1, description="where the finger stops on a block; m")
+    when_lost: Literal["keep", "release"] = Field(
+        "keep", description="what the gripper does while the arm holds because something is lost"
+    )
+
+    @model_validator(mode="after")
+    def _is_driven_and_heard_once(self) -> Self:
+        for names in (("valve", "fingers"), ("holds", "joint")):
+            if sum(bool(getattr(self, name)) for name in names) != 1:
+                raise ValueError(f"expected exactly one of {names[0]} and {names[1]}")
+        return self
+
+
 class RobotSettings(ArenaChoice):
     """The settings of robot.yaml but for its joints and objects."""
 
@@ -85,6 +110,7 @@ class RobotSettings(ArenaChoice):
     relay: bool = Field(
         True, description="stop the arm if robot_node dies; false: its controller does so"
     )
+    gripper: GripperSettings | None = Field(None, description="of an arm that holds things")
     objects_timeout_s: float = Field(
         0.5, gt=0, le=60, description="greatest age of an object's pose"
     )
@@ -126,7 +152,11 @@ def read_robot(values: Any) -> Robot:
     whole = _mapping("robot.yaml", values)
     joints, objects = whole.pop("joints", None), whole.pop("objects", None)
     settings = RobotSettings(**whole)
-    expected = settings.arena_config().joints
+    config = settings.arena_config()
+    if config.gripper != (settings.gripper is not None):
+        told = "how it is driven" if config.gripper else "none"
+        raise ConfigError(f"gripper: expected {told}, as the preset {config.preset} has it")
+    expected = config.joints
     if not isinstance(joints, list) or len(joints) != expected:
         raise ConfigError(f"joints: expected a list of {expected} for {settings.arm}, got {joints}")
     read = tuple(_entry(DriverJoint, f"joints[{i}]", one) for i, one in enumerate(joints))

@@ -1,0 +1,66 @@
+"""A real gripper: what switches it, and what says whether it holds something (docs/robot.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from rclpy.action import ActionClient
+
+from pa_ros.ros import topics
+from pa_ros.ros.actions import FINGERS
+from pa_ros.wire import Message
+from pa_ros.wire.robot import decode_finger, decode_holds, encode_fingers, encode_valve
+from sim_node.robot.output import DRY_RUN
+from sim_node.robot.settings import GripperSettings
+
+if TYPE_CHECKING:
+    from pa_ros.ros.lifecycle import ManagedNode
+
+
+class RobotGripper:
+    """Switches a valve with each command, or moves fingers when a command changes."""
+
+    def __init__(
+        self,
+        node: ManagedNode,
+        settings: GripperSettings,
+        dry_run: bool,
+        tell: Callable[[bool], None],
+    ) -> None:
+        """`tell`: receives whether it holds something, as often as the gripper says it."""
+        self._settings, self._tell = settings, tell
+        self._on: bool | None = None  # as sent last
+        self._valve: Any = None
+        self._fingers: Any = None
+        if settings.valve:
+            topic = topics.valve(settings.valve)
+            self._valve = (topic.within(DRY_RUN) if dry_run else topic).publisher(node)
+        elif not dry_run:
+            self._fingers = ActionClient(node, FINGERS, settings.fingers)
+        if settings.holds:
+            node.subscribe(topics.holds(settings.holds), self._on_holds)
+        else:
+            node.subscribe(topics.JOINT_STATES, self._on_joints)
+
+    def switch(self, on: bool) -> None:
+        """Take, or let go."""
+        settings, changed, self._on = self._settings, on != self._on, on
+        if self._valve is not None:
+            self._valve.publish(encode_valve(on))
+        elif self._fingers is not None and changed:
+            gap_m = settings.closed_m if on else settings.open_m
+            self._fingers.send_goal_async(encode_fingers(gap_m, settings.max_effort))
+
+    def lost(self) -> None:
+        """Something that the arm needs is lost: keep what is held, unless the file says release."""
+        if self._settings.when_lost == "release":
+            self.switch(on=False)
+
+    def _on_holds(self, message: Message) -> None:
+        self._tell(decode_holds(message))
+
+    def _on_joints(self, message: Message) -> None:
+        position = decode_finger(message, self._settings.joint)
+        if position is not None:
+            self._tell(position > self._settings.holds_above)
