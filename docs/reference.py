@@ -22,7 +22,7 @@ from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.recipes import RECIPES, LearningSettings
 from pa_ros.networks.config import NetworkSettings
 from sim_node.config import SimConfig
-from sim_node.robot.settings import RobotSettings
+from sim_node.robot.settings import GripperSettings, RobotSettings
 
 ROOT = Path(__file__).parents[1]
 EXTENDING = ROOT / "docs/extending.md"
@@ -45,7 +45,7 @@ PURPOSES: dict[str, dict[str, dict[str, object]]] = {
     },
 }
 SETS: dict[str, dict[str, dict[str, Any]]] = {  # marker: named sets of values, by path
-    "arena": {name: PRESETS[name].flat() for name in ("paper", "fast", "push")},
+    "arena": {name: PRESETS[name].flat() for name in ("paper", "fast", "push", "hold")},
     "learner": {name: LearningSettings(recipe=name).learner.flat() for name in RECIPES},
     "td3": {
         name: LearningSettings(recipe=name, algorithm="td3").learner.flat() for name in RECIPES
@@ -58,6 +58,7 @@ TABLES: dict[str, tuple[str, type[Settings]]] = {  # marker: file, settings
     "td3": ("docs/learning.md", TD3Config),
     "network": ("docs/learning.md", NetworkSettings),
     "robot": ("docs/robot.md", RobotSettings),
+    "gripper": ("docs/robot.md", GripperSettings),
 }
 
 
@@ -100,7 +101,7 @@ def table(kind: type[Settings], sets: dict[str, dict[str, Any]]) -> str:
     """A row for each setting, with its value in each named set.
 
     Tables of learning have only the settings that a recipe changes, TD3's those that DPG lacks, and
-    the robot's those that sim_node lacks.
+    the robot's those that sim_node lacks and that have no table of their own.
     """
     of_learning = issubclass(kind, (LearnerConfig, NetworkSettings))
     expected = [] if of_learning else ["Expected"]
@@ -109,7 +110,7 @@ def table(kind: type[Settings], sets: dict[str, dict[str, Any]]) -> str:
     shared = {leaf.path for leaf in LearnerConfig.leaves()} if kind is TD3Config else set()
     leaves = list(kind.leaves())
     if kind is RobotSettings:
-        shared = {leaf.path for leaf in ArenaChoice.leaves()}
+        shared = {leaf.path for leaf in ArenaChoice.leaves()} | {"gripper"}  # a table of its own
     leaves = [leaf for leaf in leaves if leaf.path not in shared]
     for leaf in leaves:
         name = f"`{kind.SECTION}.{leaf.path}`" if of_learning else f"`{leaf.path}`"

@@ -39,14 +39,16 @@ from pa_ros.tools.launch_params import load_parameters, merged, packaged
 from pa_ros.tools.launcher import Supervisor
 from pa_ros.tools.monitor import Display, GraphFigures, watch_diagnostics
 from pa_ros.wire.step import decode_step
+from pa_ros.world.relation import measured
 
 SHIPPED, LEARNED = "3-D", "2-L"  # designs
 PUSHES = "push"  # the shipped agent that moves blocks
 PUSHED = ("trained", "held out", "to a block", "color alone")  # the programs that it executes
+STACKS, STACKED = "stack", ("trained", "held out", "to a block", "tower")  # likewise
 SCENE_SEED = 1_000_000  # added to the seed: no scene of the executions was trained in
 SPEED = 2.0  # times real time, during executions
 REFERENCE_EPISODES = 50
-ROW = "{:<12} {:<56} {:<7} {:<7} {:<10} {}"
+ROW = "{:<12} {:<56} {:<{width}} {:<{width}} {:<10} {}"
 EXIT_FAILED = 1
 
 
@@ -86,6 +88,7 @@ def run(options: argparse.Namespace) -> int:
             good = reached and _execute_learned(folder, options.seed) and good
             if options.shipped:
                 good = _show_pushing(folder, options.seed) and good
+                good = _show_stacking(folder, options.seed) and good
     except PaError as error:
         print(f"pa_ros demo: {error}", file=sys.stderr)
         return EXIT_FAILED
@@ -118,6 +121,14 @@ def _show_pushing(folder: Path, seed: int) -> bool:
     return execute(folder / "pushed", design, checkpoint, seed + SCENE_SEED, kinds=PUSHED)
 
 
+def _show_stacking(folder: Path, seed: int) -> bool:
+    checkpoint = f"{SHIPPED_PREFIX}{STACKS}"
+    design = load_agent(checkpoint).design
+    print("\nThe last agent has a vacuum cup. It puts blocks on places and on other blocks, and")
+    print("builds a tower, which it was never trained to do.\n")
+    return execute(folder / "stacked", design, checkpoint, seed + SCENE_SEED, kinds=STACKED)
+
+
 def execute(
     folder: Path,
     design: Design,
@@ -142,16 +153,18 @@ def execute(
         logs=folder / "log" / "execute", domain=int(os.environ["ROS_DOMAIN_ID"]), **arena,
     ) as arm:  # fmt: skip
         print(f"Each program has {WINDOW_S:g} s. Satisfied: {HOLD_S:g} s near the target.\n")
-        print(ROW.format("", "program", "from", "to", "satisfied", "after"))
+        width = max(7, len(measured(programs[0].text, 10.0)))
+        print(ROW.format("", "program", "from", "to", "satisfied", "after", width=width))
         for program in programs:
             scene = find_scene(config, design, seed, program)
             arm.reset(scene.episode.index, evaluation=scene.condition == fewer)
             found = arm.execute(program.text)
             executed += [program.kind] if found.success else []
             after = "" if found.reached_s is None else f"{found.reached_s:.1f} s"
-            cells = f"{scene.distance:.2f} m", f"{found.distance:.2f} m"
+            cells = (measured(program.text, away) for away in (scene.distance, found.distance))
             verdict = "yes" if found.success else "NO"
-            print(ROW.format(program.kind, program.text, *cells, verdict, after), flush=True)
+            row = program.kind, program.text, *cells, verdict, after
+            print(ROW.format(*row, width=width), flush=True)
     print(f"\n{len(executed)} of {len(programs)} programs executed.")
     return "held out" in executed and len(executed) >= len(programs) - 1
 

@@ -17,9 +17,9 @@ from pa_ros.arena.task import play
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Observation, Verdict
 from pa_ros.evaluation.evaluate import pursuing
-from pa_ros.language import ProgramError, parse, parse_goal, satisfying, stages
+from pa_ros.language import ProgramError, parse_goal, satisfying, stages
 from pa_ros.perception import task_seen
-from pa_ros.world.relation import RELATIONS
+from pa_ros.world.relation import RELATIONS, measured
 
 SCENES_SEARCHED = 1000
 # The hand starts at least this many thresholds of the relation away, so that the arm must move.
@@ -56,25 +56,27 @@ def find_scene(config: ArenaConfig, design: Design, seed: int, program: DemoProg
     blocks. Raises ConfigError if no scene fits.
     """
     task = ReachTask(config, design, seed)
-    parsed = parse(program.text, design.vocabulary)
-    farther = FARTHER * task.scoring.threshold_of(parsed)
+    goal, bodiless = parse_goal(program.text, design.vocabulary), design.vocabulary.bodiless
+    first = stages(goal)[0]
+    farther = FARTHER * task.scoring.threshold_of(first)
     for condition in design.skill.demo_conditions:
         drawn_from = condition_named(condition, design)
         for index in range(SCENES_SEARCHED):
             episode = generate(config, design, drawn_from, seed, index)
             kinds = [block.kind.words for block in episode.blocks]
-            if sum(satisfying(parsed, kinds, None, design.vocabulary.bodiless)) != program.targets:
+            named = [satisfying(one, kinds, None, bodiless) for one in stages(goal)]
+            if sum(map(any, zip(*named, strict=True))) != program.targets:
                 continue
             task.reset_to(episode)
             try:
-                _, verdict = task.set_program(parsed)
+                _, verdict = task.set_program(goal)
             except ProgramError:  # all named objects are in one of its two sets
                 continue
             if farther <= verdict.distance <= program.farthest:
                 return DemoScene(condition, episode, verdict.distance)
     raise ConfigError(
         f"demo: no scene of design {design.name} in which {program.text} names "
-        f"{program.targets} object(s) at least {farther:g} {RELATIONS[parsed.relation].unit} away"
+        f"{program.targets} object(s) at least {farther:g} {RELATIONS[first.relation].unit} away"
     )
 
 
@@ -166,12 +168,12 @@ def _executed(
     agent: TrainedAgent, task: ReachTask, program: DemoProgram
 ) -> Iterator[tuple[str, bool]]:
     """Execute a program; for each step its caption, and whether the target is reached."""
-    parsed = parse(program.text, agent.design.vocabulary)
-    steps = play(task, pursuing(task, agent.policy), task.set_program(parsed))
-    held, unit = 0, RELATIONS[parsed.relation].unit
+    goal = parse_goal(program.text, agent.design.vocabulary)
+    steps, held = play(task, pursuing(task, agent.policy), task.set_program(goal)), 0
     for step, (_, verdict) in enumerate(islice(steps, program.steps + 1)):
         held = held + 1 if verdict.satisfied else 0
-        state = "reached" if verdict.satisfied else f"{verdict.distance:.2f} {unit} away"
+        away = measured(program.text, verdict.distance, verdict.stage)
+        state = "reached" if verdict.satisfied else f"{away} away"
         yield f"{program.kind}   step {step}   {state}", verdict.satisfied
         if held == HELD:
             return
