@@ -103,8 +103,11 @@ def test_a_training_that_nobody_reads_any_more_keeps_what_it_learned(tmp_path):
 ARENA = "sim_node:\n  ros__parameters:\n    program_source: topic\n"
 
 
-def in_a_terminal_that_closes(said: bytes, *arguments: str, **variables: str) -> int:
-    """Exit status of `pa_ros`, whose terminal is closed when it has said this."""
+def in_a_terminal_that_closes(
+    said: bytes, *arguments: str, log: Path | None = None, **variables: str
+) -> int:
+    """Exit status of `pa_ros`, whose terminal is closed when it has said this, and when a node that
+    it started writes its log: on a busy machine, one that still starts would have to be killed."""
     master, slave = os.openpty()
     heard = ("env", "--default-signal=HUP,INT,TERM", "setsid", "--ctty")
     process = subprocess.Popen(
@@ -119,6 +122,7 @@ def in_a_terminal_that_closes(said: bytes, *arguments: str, **variables: str) ->
         shown = b""
         while said not in shown:
             shown += os.read(master, 65536)
+        wait_for(lambda: log is None or (log.is_file() and log.stat().st_size > 0))
         os.close(master)
         return process.wait(DEADLINE_S)
     finally:
@@ -136,9 +140,11 @@ def test_a_training_keeps_what_it_learned(tmp_path: Path) -> None:
 def test_a_recording_is_closed_and_a_graph_stopped_node_by_node(tmp_path: Path) -> None:
     (tmp_path / "arena.yaml").write_text(ARENA)
     with DomainClaim() as claim:
-        domain = {"ROS_DOMAIN_ID": str(claim.number)}
+        domain = str(claim.number)
         bag, out = str(tmp_path / "bag"), str(tmp_path / "run")
-        assert in_a_terminal_that_closes(b"Recording", "record", bag, **domain) == 0
+        assert in_a_terminal_that_closes(b"Recording", "record", bag, ROS_DOMAIN_ID=domain) == 0
         launch = ("launch", "--params", str(tmp_path / "arena.yaml"), "--out", out)
-        assert in_a_terminal_that_closes(b"started sim_node", *launch, **domain) == 0
+        log = tmp_path / "run/log/sim_node.log"
+        said = b"started sim_node"
+        assert in_a_terminal_that_closes(said, *launch, log=log, ROS_DOMAIN_ID=domain) == 0
     assert (tmp_path / "bag" / "metadata.yaml").is_file()
