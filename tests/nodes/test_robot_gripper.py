@@ -136,3 +136,7 @@ def test_fingers_close_and_open_once_and_a_finger_says_what_they_hold(tmp_path):
         fingers.joints.publish(JointState(name=["finger"], position=[0.001]))
         assert probe.until(lambda: hand.holds[-1] == 0.0)
         assert len(fingers.goals) == 2
+        large = JointState(name=["finger"] * 10_000, position=[0.05] * 10_000)
+        fingers.joints.publish(large)  # is not read: it would keep the node from commanding the arm
+        assert probe.until(lambda: int(probe.value("robot_node", "refused.robot.size") or 0) == 2)
+        assert hand.holds[-1] == 0.0

@@ -58,7 +58,7 @@ def build_textured(config: ArenaConfig) -> mujoco.MjModel:
 def mjcf(config: ArenaConfig, looks: Sequence[Look]) -> str:
     """The arena as MJCF text: all that its physics depends on.
 
-    With MuJoCo's usual `impratio`, 1, the upper blocks of a tower creep by 9 mm in a minute.
+    With MuJoCo's usual `impratio`, 1, the upper blocks of a tower creep by millimetres in a minute.
     """
     blocks = "".join(_block(config, i, look) for i, look in enumerate(looks))
     return f"""

@@ -9,7 +9,6 @@ from rclpy.action import ActionClient
 
 from pa_ros.ros import topics
 from pa_ros.ros.actions import FINGERS
-from pa_ros.wire import Message
 from pa_ros.wire.robot import decode_finger, decode_holds, encode_fingers, encode_valve
 from sim_node.robot.output import DRY_RUN
 from sim_node.robot.settings import GripperSettings
@@ -26,9 +25,11 @@ class RobotGripper:
         node: ManagedNode,
         settings: GripperSettings,
         dry_run: bool,
+        listen: Callable[[topics.Topic, Callable[[bytes], None]], None],
         tell: Callable[[bool], None],
     ) -> None:
-        """`tell`: receives whether it holds something, as often as the gripper says it."""
+        """`listen`: hears the bytes of a topic's messages; `tell`: receives whether the gripper
+        holds something, as often as it says so."""
         self._settings, self._tell = settings, tell
         self._on: bool | None = None  # as sent last
         self._valve: Any = None
@@ -39,9 +40,9 @@ class RobotGripper:
         elif not dry_run:
             self._fingers = ActionClient(node, FINGERS, settings.fingers)
         if settings.holds:
-            node.subscribe(topics.holds(settings.holds), self._on_holds)
+            listen(topics.holds(settings.holds), self._on_holds)
         else:
-            node.subscribe(topics.JOINT_STATES, self._on_joints)
+            listen(topics.JOINT_STATES, self._on_joints)
 
     def switch(self, on: bool) -> None:
         """Take, or let go."""
@@ -57,10 +58,14 @@ class RobotGripper:
         if self._settings.when_lost == "release":
             self.switch(on=False)
 
-    def _on_holds(self, message: Message) -> None:
-        self._tell(decode_holds(message))
+    def _on_holds(self, payload: bytes) -> None:
+        message = topics.holds(self._settings.holds).parse(payload)
+        if message is not None:
+            self._tell(decode_holds(message))
 
-    def _on_joints(self, message: Message) -> None:
-        position = decode_finger(message, self._settings.joint)
+    def _on_joints(self, payload: bytes) -> None:
+        joint = self._settings.joint
+        message = topics.JOINT_STATES.parse(payload, [joint])
+        position = None if message is None else decode_finger(message, joint)
         if position is not None:
             self._tell(position > self._settings.holds_above)

@@ -86,7 +86,8 @@ class RobotNode(ManagedNode):
         self.gripper = None
         if settings.gripper is not None:
             told = partial(setattr, self.arm, "holds")
-            self.gripper = RobotGripper(self, settings.gripper, settings.dry_run, told)
+            given = settings.gripper, settings.dry_run, self._listen, told
+            self.gripper = RobotGripper(self, *given)
 
         things = robot.objects.values()
         self._classes = {t.detection: measured_frame(t.detection) for t in things if t.detection}
