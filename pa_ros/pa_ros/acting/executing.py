@@ -17,7 +17,7 @@ import numpy as np
 from pa_ros.acting.errors import ActingError
 from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.acting.policy import Degrees, Policy
-from pa_ros.core.experience import Float32, Observation
+from pa_ros.core.experience import Float32, Float64, Observation
 from pa_ros.language import MIN_MAX, And, Logic, Not, Program
 from pa_ros.language.syntax import HOLD, ON
 from pa_ros.networks.config import NetworkConfig
@@ -34,11 +34,10 @@ MEANT, SURELY = 0.5, 0.75
 # Shares of a relation's threshold: pushing stops at the first, and is slowed up to the second.
 # Actions that are joint velocities can move the hand faster, so they are slowed earlier.
 SLOWED, JOINTS_SLOWED = (0.6, 1.2), (0.0, 3.0)
-# A block is brought slower to where it is to rest from this many limits on, but not below this part
-# of full speed, and let go when no joint is faster than this (rad/s). The hand puts it down, and
-# then rises, at these parts of full speed.
-CAREFUL, SLOWEST, STILL, LOWERING, LEAVING = 4.0, 0.5, 0.1, 0.2, 0.3
-FROM_ABOVE_M = 0.03  # how much higher it must be until it is over where it is to rest
+# What is to rest somewhere is brought there from above. Over it, the hand goes to its middle, comes
+# down once it is this near to it, and lets go when no joint is faster than this (rad/s); then it
+# rises. Both ways at these parts of full speed.
+FROM_ABOVE_M, CENTERED_M, STILL, LOWERING, LEAVING = 0.03, 0.006, 0.1, 0.2, 0.3
 TOUCHED_M = 0.06  # from where the hand would hold it: an object that it may touch
 UP = 2  # of the axes of an action
 AVOIDED_WITHIN_M = 0.40  # of the hand: what is farther away is not avoided
@@ -123,8 +122,8 @@ class Actor(Policy):
     def _put(
         self, observation: Observation, forms: _Forms, chosen: Sequence[Objects], others: set[int]
     ) -> Float32:
-        """The action that takes what is to rest somewhere, brings it there, slower at the end, and
-        leaves it alone once it rests there."""
+        """The action that takes what is to rest somewhere, brings it there, puts it down on the
+        middle, and leaves it alone once it rests there."""
         seen, pose = observation.objects, observation.hand_pose
         rests = self._scoring.of_program(forms.program, chosen, seen, pose)
         held = self._scoring.of_targets(chosen[0], seen, HOLD, pose)
@@ -135,23 +134,33 @@ class Actor(Policy):
         if not held.satisfied:
             return self.infer(observation, forms.taking, others)
         action = self.infer(observation, forms.plain, others)
-        action[:-1] *= np.float32(min(max(rests.measure / CAREFUL, SLOWEST), 1.0))
-        lets_go, action[-1] = action[-1] <= 0, 1.0
-        beside, above = self._offset(observation, chosen)
-        if rests.measure - HELD_LIMITS <= REWARDED:  # it is there: first stop, then let go
+        to, reach = self._way(observation, chosen)
+        beside, above = hypot(*to[:UP]), -to[UP]
+        action[-1] = 1.0
+        if beside <= ON_BESIDE_M:
+            action[:UP] = to[:UP] / max(reach, beside / LOWERING)
+        elif above < FROM_ABOVE_M / 2:  # so low that it would push or drag
+            action[:UP] = 0.0
+        if beside > CENTERED_M:
+            action[UP] = max(action[UP], min((FROM_ABOVE_M - above) / reach, 1.0))
+        elif rests.measure - HELD_LIMITS > REWARDED:
+            action[UP] = -LOWERING
+        else:  # it is there: first stop, then let go
             moves = float(np.abs(observation.joint_velocity).max()) > STILL
             action[:-1], action[-1] = 0.0, 1.0 if moves else -1.0
-        elif lets_go and beside <= REWARDED * ON_BESIDE_M:  # over it: put it down before
-            action[:UP], action[UP] = 0.0, -LOWERING
-        elif beside > ON_BESIDE_M and above < FROM_ABOVE_M:  # so low it would push or drag
-            action[:UP], action[UP] = 0.0, LEAVING
         return action
 
-    def _offset(self, observation: Observation, chosen: Sequence[Objects]) -> tuple[float, float]:
-        """How far what is held is beside and above where it is to rest, m."""
-        pair = observation.objects[[one[0] for one in chosen]]
-        (x, y, z), to = places(observation.hand_pose, pair)
-        return float(np.hypot(x - to[0], y - to[1])), float(z - to[2] - BLOCK_M)
+    def _way(self, observation: Observation, chosen: Sequence[Objects]) -> tuple[Float64, float]:
+        """How far what is held has to go to rest there, m [3] along the axes of an action, and how
+        far the hand goes in one step at full speed, m."""
+        controller = self._world.controller
+        assert controller is not None
+        hand = observation.hand_pose
+        moved, under = places(hand, observation.objects[[one[0] for one in chosen]])
+        x, y, up = under + (0.0, 0.0, BLOCK_M) - moved
+        c, s = hand[:UP] / max(hypot(*hand[:UP]), BLOCK_M)  # the hand's direction from the base
+        way = np.array([c * x + s * y, c * y - s * x, up])
+        return way, controller.hand_speed * controller.period_s
 
     def _touches_another(self, observation: Observation, chosen: float) -> bool:
         """Whether the empty hand is at another object than the chosen one, so near that moving
