@@ -114,10 +114,12 @@ class Experiment:
             )
 
 
-def _pushing(design: str, name: str = "", relations: tuple[str, ...] = ()) -> Experiment:
+def _moving(
+    design: str, name: str = "", relations: tuple[str, ...] = (), frames: int = 150_000
+) -> Experiment:
     """An experiment in which objects are moved."""
     return Experiment(
-        name or design, design, 150_000, evaluate_every_frames=10_000, relations=relations
+        name or design, design, frames, evaluate_every_frames=10_000, relations=relations
     )
 
 
@@ -151,10 +153,12 @@ EXPERIMENTS = {
             options={"learner.relabeling.rule": "none", "learner.replay.capacity_frames": 50_000},
             switch_frames=100_000,
         ),
-        _pushing("push-2"),
-        _pushing("push-3D"),
-        _pushing("push-2-pairs"),
-        _pushing("push-2", "push-2-sides", relations=("NEAR", *SIDES)),
+        _moving("push-2"),
+        _moving("push-3D"),
+        _moving("push-2-pairs"),
+        _moving("push-2", "push-2-sides", relations=("NEAR", *SIDES)),
+        _moving("stack-2", frames=100_000),
+        _moving("stack-3D", frames=150_000),
     )
 }
 ABLATIONS: Mapping[str, Mapping[str, Any]] = {
