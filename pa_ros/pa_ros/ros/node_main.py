@@ -37,6 +37,9 @@ def run_node(
 ) -> int:
     """Run nodes on one executor until SIGINT, SIGTERM or SIGHUP; the exit status of the process.
 
+    Where nodes ran, the process ends here, without C++'s static destructors: threads of the
+    middleware that still run crash in them, about once in a thousand starts.
+
     0: stopped as asked, unless a node's `close` returns another status. 1: the nodes took longer
     than `grace_s` to close, and were ended. 2: an argument or parameter was refused, with the
     reason on standard error, or a node set `ended_by`.
@@ -82,7 +85,9 @@ def run_node(
         except PaError as error:
             print(f"{name}: [{error.code}] {error}", file=sys.stderr)
             return EXIT_REFUSED
-    return status
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)
 
 
 def _ended_by(nodes: Sequence[Any]) -> PaError | None:
