@@ -45,17 +45,52 @@ def test_the_hand_rises_from_what_rests_and_holds_nothing(task: ReachTask, actor
     assert action.tolist() == pytest.approx([0.0, 0.0, 0.3, -1.0])
 
 
+def held_over(task: ReachTask, out: float, left: float, above: float) -> Observation:
+    """A scene in which the hand holds RED so far (m, along its own axes) from resting on BLUE."""
+    red, blue = Block(RED, 0.4, 0.2, 0.0), Block(BLUE, 0.4, -0.2, 0.0)
+    x, y, z, *_ = seen(task, red, blue).hand_pose
+    c, s = np.array([x, y]) / np.hypot(x, y)
+    height = z - GRIP_M - 1.5 * BLOCK_M - above
+    under = Block(BLUE, x - c * out + s * left, y - s * out - c * left, 0.0, above_m=height)
+    observation = seen(task, red, under, held=0)
+    assert observation.hand_pose[-1] == 1.0
+    return observation
+
+
 def test_a_block_is_let_go_where_it_is_to_rest_once_the_arm_stands_still(
     task: ReachTask, actor: Actor
 ) -> None:
-    red, blue = Block(RED, 0.4, 0.2, 0.0), Block(BLUE, 0.4, -0.2, 0.0)
-    x, y, z, *_ = seen(task, red, blue).hand_pose
-    under = Block(BLUE, x, y, 0.0, above_m=z - GRIP_M - 1.5 * BLOCK_M)
-    observation = seen(task, red, under, held=0)
-    assert observation.hand_pose[-1] == 1.0
+    observation = held_over(task, 0.0, 0.0, 0.0)
     assert actor.act(observation, ON).tolist() == [0.0, 0.0, 0.0, -1.0]
     observation.joint_velocity[0] = 0.5
     assert actor.act(observation, ON).tolist() == [0.0, 0.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("way", "action"),
+    [
+        ((0.02, 0.0, 0.0), (-0.2, 0.0, 0.6)),  # m beside and above; 0.05 m a step at full speed
+        ((0.0, -0.01, 0.015), (0.0, 0.2, 0.3)),
+        ((0.0, 0.004, 0.02), (0.0, -0.08, -0.2)),
+    ],
+    ids=["low", "lower than it is carried", "over the middle"],
+)
+def test_a_block_comes_to_the_middle_before_it_is_put_down(
+    way: tuple[float, float, float],
+    action: tuple[float, float, float],
+    task: ReachTask,
+    actor: Actor,
+) -> None:
+    observation = held_over(task, *way)
+    assert task.world.controller is not None
+    assert task.world.controller.hand_speed * task.world.controller.period_s == 0.05
+    done = actor.act(observation, ON).tolist()
+    assert done == pytest.approx([*action, 1.0], abs=0.02)
+
+
+def test_a_block_that_is_far_and_low_only_rises(task: ReachTask, actor: Actor) -> None:
+    out, left, up, holds = actor.act(held_over(task, 0.1, 0.0, 0.01), ON).tolist()
+    assert (out, left, holds) == (0.0, 0.0, 1.0) and up >= 0.4
 
 
 def test_the_empty_hand_first_leaves_another_block_that_it_touches(

@@ -20,7 +20,9 @@ from pa_ros.arena import (
 )
 from pa_ros.arena.config import ArenaConfig
 from pa_ros.core.errors import ConfigError
-from pa_ros.language import ProgramError, parse_goal, stages
+from pa_ros.language import ProgramError, parse, parse_goal, stages
+from pa_ros.language.evaluate import role_relevance
+from pa_ros.language.flat import NOT, compile_program
 from pa_ros.world.relation import BLOCK_M, GRIP_M
 
 STACK = design_named("stack-2")
@@ -174,6 +176,31 @@ def test_what_cannot_hold_is_refused(text: str, code: str) -> None:
     with pytest.raises(ProgramError) as error:
         task.set_program(parse_goal(text, STACK.vocabulary))
     assert error.value.code == code
+
+
+def test_nothing_rests_on_a_sphere() -> None:
+    design = design_named("stack-3D")
+    task = ReachTask(preset_for(design), design, seed=1)
+    block, ball, cube = (
+        next(kind for kind in design.pool if kind.words == {color, shape})
+        for color, shape in (("RED", "CUBE"), ("GREEN", "SPHERE"), ("GREEN", "CUBE"))
+    )
+    blocks = tuple(
+        Block(kind, 0.4, y, 0.0) for kind, y in ((block, 0.2), (ball, -0.2), (cube, 0.0))
+    )
+    arm_start = tuple(joint.start for joint in ARMS["jaco"].joints)
+    on_green, on_ball = (
+        parse(f"ON(RED, {target})", design.vocabulary) for target in ("GREEN", "SPHERE")
+    )
+    task.reset_to(Episode(0, "train", blocks, arm_start, on_green))
+    assert task.verifier.targets == (3,)
+    with pytest.raises(ProgramError) as error:
+        task.set_program(on_ball)
+    assert error.value.code == "program.needs_support"
+    row = design.vocabulary.row
+    ball_column = [[float(word in ball.words)] * 2 for word in row]  # the hand, and the ball
+    assert role_relevance(on_green, ball_column, row, 0)[1] == [0.0, 0.0]
+    assert compile_program(on_green, design.vocabulary).op.count(NOT) == 2  # places, and spheres
 
 
 def test_an_arm_without_a_gripper_cannot_execute_the_programs() -> None:

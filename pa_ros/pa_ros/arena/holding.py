@@ -22,7 +22,7 @@ from pa_ros.arena.skills import SKILLS, DemoProgram
 from pa_ros.arena.task import ReachTask
 from pa_ros.core.experience import Float64
 from pa_ros.language import parse_goal, roles
-from pa_ros.language.syntax import HOLD, NEAR, ON
+from pa_ros.language.syntax import HOLD, NEAR, ON, ROUND
 from pa_ros.world.relation import BLOCK_M, GRIP_M, HELD_M
 from pa_ros.world.schema import PLACE
 
@@ -52,7 +52,7 @@ class Holding(Pushing):
         """The hand comes near to things and holds blocks; blocks are put on what they rest on."""
         if of_hand:
             return relation == NEAR or (relation == HOLD and PLACE not in target.words)
-        return relation == ON and "SPHERE" not in target.words
+        return relation == ON and target.words.isdisjoint(ROUND)
 
     def conditions(self, design: Design) -> Iterator[Condition]:
         """Those of pushing, with blocks that are taken, and towers."""
@@ -176,7 +176,7 @@ def _with_a_part_done(
     bodies = [i for i, one in enumerate(blocks) if design.schema.has_body(one.kind)]
     target = int(np.flatnonzero(sets[1])[0])
     moved = int(np.flatnonzero(sets[0])[0]) if any(sets[0]) else target
-    free = [i for i in bodies if i not in (moved, target) and "SPHERE" not in words[i]]
+    free = [i for i in bodies if i not in (moved, target) and words[i].isdisjoint(ROUND)]
     if moved != target and free and rng.random() < (RAISED if target in bodies else PLACE_ON_BLOCK):
         blocks[target] = _over(blocks[target], blocks[free[int(rng.integers(len(free)))]])
     how, start, held = rng.random(), episode.arm_start, None

@@ -33,6 +33,7 @@ SUMMARIES = {
     "program.syntax": "syntax error",
     "program.names_nothing": "no such object",
     "program.needs_body": "nothing to move",
+    "program.needs_support": "nothing to rest on",
     "program.itself": "object related to itself",
     "program.hand": "wrong relation of the hand",
     "program.avoids_target": "target to be avoided",

@@ -14,7 +14,7 @@ from typing import Any
 
 from pa_ros.core.errors import ConfigError
 from pa_ros.language.errors import ProgramError, cannot_avoid, check_words, one_of
-from pa_ros.language.syntax import HAND, HOLD, And, Expression, Not, Or, Program, Span, Word
+from pa_ros.language.syntax import HAND, ON, And, Expression, Not, Or, Program, Span, Word, left_out
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,8 @@ def roles(
     This is what programs mean: the relation must hold between some object of the first set and
     another one of the second. Only HAND contains the hand, and NOT(RED) does not; `hand_index` is
     None if the hand is not among `objects`. Objects with a word of `bodiless` cannot be moved, so
-    no first set contains them, nor held, so no second set of HOLD does.
+    no first set contains them, nor held, so no second set of HOLD does. Nothing rests on what is
+    ROUND, so no second set of ON contains it.
     """
 
     def contains(expression: Expression, i: int) -> bool:
@@ -82,11 +83,11 @@ def roles(
             return i == hand_index and expression == HAND
         return describes(expression, objects[i])
 
-    indices, without = range(len(objects)), set(bodiless)
-    bodies = [i == hand_index or without.isdisjoint(objects[i]) for i in indices]
-    moved = (bodies[i] and contains(program.moved, i) for i in indices)
-    may = bodies if program.relation == HOLD else [True] * len(objects)
-    return tuple(moved), tuple(may[i] and contains(program.target, i) for i in indices)
+    def named(expression: Expression, left_out: Collection[str]) -> tuple[bool, ...]:
+        may = (i == hand_index or set(left_out).isdisjoint(w) for i, w in enumerate(objects))
+        return tuple(m and contains(expression, i) for i, m in enumerate(may))
+
+    return named(program.moved, bodiless), named(program.target, left_out(program, bodiless))
 
 
 def satisfying(
@@ -110,16 +111,19 @@ def require_target(
     """Raise ProgramError unless the relation can hold.
 
     `program.names_nothing` if a set contains no object, `program.needs_body` if all objects to move
-    are bodiless, `program.itself` if the only target is the only object to move.
+    are bodiless, `program.needs_support` if nothing rests on any target, `program.itself` if the
+    only target is the only object to move.
     """
     with_body = roles(program, objects, hand_index, bodiless)
-    for i, (one, named) in enumerate(zip(program.sets, with_body, strict=True)):
+    for argument, (one, named) in enumerate(zip(program.sets, with_body, strict=True)):
         if one == HAND or any(named):
             continue
-        if any(roles(program, objects, hand_index)[i]):
-            raise _rejected(program, "program.needs_body", "an object with a body", i)
+        if any(i != hand_index and describes(one, words) for i, words in enumerate(objects)):
+            rests = argument == 1 and program.relation == ON
+            code, what = ("support", "on which others rest") if rests else ("body", "with a body")
+            raise _rejected(program, f"program.needs_{code}", f"an object {what}", argument)
         expected = present_objects(objects, hand_index)
-        raise _rejected(program, "program.names_nothing", expected, i)
+        raise _rejected(program, "program.names_nothing", expected, argument)
     objects_named = sum(satisfying(program, objects, hand_index, bodiless))
     if HAND not in program.sets and objects_named == 1:
         raise _rejected(program, "program.itself", "another object than the one to move", 1)
@@ -201,16 +205,14 @@ def role_relevance(
         value: float = degree(expression, lambda word: phi[row[word]][j], logic)
         return value
 
-    objects = range(len(phi[0]) if phi else 0)
-    moved, target = ([of(one, j) for j in objects] for one in (program.moved, program.target))
-    if bodiless:
-        no_body = Or(tuple(map(Word, bodiless)))
-        body = [1.0 - of(no_body, j) for j in objects]
-        if program.moved != HAND:
-            moved = list(map(logic.both, moved, body))
-        if program.relation == HOLD:
-            target = list(map(logic.both, target, body))
-    return moved, target
+    def of_set(expression: Expression, without: Collection[str]) -> list[float]:
+        degrees = [of(expression, j) for j in range(len(phi[0]) if phi else 0)]
+        if expression == HAND or not (known := [Word(word) for word in without if word in row]):
+            return degrees
+        out = Or(tuple(known))
+        return [logic.both(p, 1.0 - of(out, j)) for j, p in enumerate(degrees)]
+
+    return of_set(program.moved, bodiless), of_set(program.target, left_out(program, bodiless))
 
 
 def degree(expression: Expression, value: Callable[[str], Any], logic: Logic = PRODUCT) -> Any:

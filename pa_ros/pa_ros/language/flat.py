@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import reduce
 from typing import Any, NamedTuple
 
 from pa_ros.language.errors import ProgramError
-from pa_ros.language.syntax import HAND, HOLD, And, Expression, Not, Or, Program, Span, Word
+from pa_ros.language.syntax import HAND, And, Expression, Not, Or, Program, Span, Word, left_out
 from pa_ros.language.vocabulary import Vocabulary
 
 NOT, AND, OR, COPY = range(4)
@@ -50,11 +51,10 @@ def compile_program(program: Program, vocabulary: Vocabulary) -> Compiled:
         raise ProgramError(text, span, code="program.compares", expected=expected, received=name)
     code, hand = _Code(vocabulary), len(vocabulary.words)
     moved = code.emit_expression(program.moved)
-    if vocabulary.bodiless and moved != hand:
-        moved = code.with_body(moved)
+    if moved != hand:
+        moved = code.without(moved, vocabulary.bodiless)
     target = code.emit_expression(program.target)
-    if vocabulary.bodiless and program.relation == HOLD:
-        target = code.with_body(target)
+    target = code.without(target, left_out(program, vocabulary.bodiless))
     either = target if moved == hand else code.emit(OR, moved, target)
     avoided = hand if program.avoided is None else code.emit_expression(program.avoided)
     # p = OR(HAND, e) is always the last instruction, so evaluators need no other end mark.
@@ -69,7 +69,6 @@ class _Code:
 
     def __init__(self, vocabulary: Vocabulary) -> None:
         self._row = {**vocabulary.row, HAND.name: len(vocabulary.words)}
-        self._bodiless = tuple(map(Word, vocabulary.bodiless))
         self.instructions: dict[tuple[int, int, int], int] = {}
 
     def emit(self, op: int, a: int, b: int) -> int:
@@ -90,10 +89,13 @@ class _Code:
             case Or(operands):
                 return self.fold(OR, operands)
 
-    def with_body(self, source: int) -> int:
-        """The register of those objects in another one that have a body."""
-        no_body = self.fold(OR, self._bodiless)
-        return self.emit(AND, source, self.emit(NOT, no_body, no_body))
+    def without(self, source: int, words: Iterable[str]) -> int:
+        """The register of those objects in another one that have none of some words."""
+        known = tuple(Word(word) for word in words if word in self._row)
+        if not known:
+            return source
+        out = self.fold(OR, known)
+        return self.emit(AND, source, self.emit(NOT, out, out))
 
     def fold(self, op: int, operands: tuple[Expression, ...]) -> int:
         """Join the operands by AND or OR, from the left; return the register of the value."""

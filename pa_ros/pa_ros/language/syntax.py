@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
 NEAR = "NEAR"
-HOLD, ON = "HOLD", "ON"  # of the hand alone; of objects alone
 """The paper's relation."""
+HOLD, ON = "HOLD", "ON"  # of the hand alone; of objects alone
+ROUND = ("SPHERE",)
+"""Words of objects on which nothing rests."""
 
 OF_PLACES = ("LEFTMOST", "RIGHTMOST", "NEAREST", "FARTHEST")
 OF_SIZES = ("LARGEST", "SMALLEST")
@@ -138,6 +140,11 @@ class Program:
         nodes = (node for one in sets for node in walk(one))
         names = (node.name for node in nodes if isinstance(node, Word))
         return tuple(dict.fromkeys(names))
+
+
+def left_out(program: Program, bodiless: Collection[str]) -> Collection[str]:
+    """Words of objects that the second set of a program leaves out."""
+    return {HOLD: bodiless, ON: ROUND}.get(program.relation, ())
 
 
 def walk(expression: Expression) -> Iterator[Expression]:
