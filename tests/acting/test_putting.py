@@ -1,4 +1,4 @@
-"""What an agent does under ON: it takes first, is careful at the end, and leaves what rests."""
+"""What an agent does under ON: it takes first, comes from above, and leaves what rests."""
 
 from pathlib import Path
 
@@ -91,6 +91,31 @@ def test_a_block_comes_to_the_middle_before_it_is_put_down(
 def test_a_block_that_is_far_and_low_only_rises(task: ReachTask, actor: Actor) -> None:
     out, left, up, holds = actor.act(held_over(task, 0.1, 0.0, 0.01), ON).tolist()
     assert (out, left, holds) == (0.0, 0.0, 1.0) and up >= 0.4
+
+
+def test_the_empty_hand_comes_down_over_the_middle(task: ReachTask, actor: Actor) -> None:
+    red, blue = Block(RED, 0.4, 0.2, 0.0), Block(BLUE, 0.4, -0.2, 0.0)
+    x, y, z, *_ = seen(task, red, blue).hand_pose
+    c, s = np.array([x, y]) / np.hypot(x, y)
+    for out, up in ((0.004, -0.2), (0.02, 0.4)):  # over the middle; beside it, and 1 cm above
+        height = z - GRIP_M - BLOCK_M / 2 - 0.01
+        below = Block(RED, x + c * out, y + s * out, 0.0, above_m=height)
+        action = actor.act(seen(task, below, blue), ON)
+        assert action[:3].tolist() == pytest.approx([min(out / 0.05, 0.2), 0.0, up], abs=0.02)
+
+
+@pytest.mark.parametrize(("away", "stays"), [(0.12, True), (0.2, False)])
+def test_a_block_rises_before_it_passes_others(
+    away: float, stays: bool, task: ReachTask, actor: Actor
+) -> None:
+    other = next(kind for kind in STACK.pool if kind.words == {"RED", "CYLINDER"})
+    red, blue = Block(RED, 0.4, 0.2, 0.0), Block(BLUE, -0.4, -0.2, 0.0)
+    x, y, z, *_ = seen(task, red, blue).hand_pose
+    beside = Block(other, x + away, y, 0.0, above_m=z - GRIP_M - 1.5 * BLOCK_M)
+    start = Episode(0, "train", (red, blue, beside), START, ON, held=0)
+    action = actor.act(task.reset_to(start)[0], ON)
+    assert bool(action[:2].any()) is not stays
+    assert not stays or action[2] > 0.5
 
 
 def test_the_empty_hand_first_leaves_another_block_that_it_touches(

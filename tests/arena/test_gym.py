@@ -1,6 +1,7 @@
 """The Gymnasium environment."""
 
 import copy
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -94,6 +95,11 @@ def test_the_structured_program_evaluates_to_the_programs_targets() -> None:
         for op, a, b in seen["program"].reshape(-1, 3):
             x, y = registers[a], registers[b]
             registers.append((1 - x, x * y, x + y - x * y, x)[op])
+        now, _ = env.task.set_program(env.task.program)
+        third = replace(now, objects=np.roll(now.objects, 2, 0), hand_index=2)
+        assert env.structured is not None
+        again = env.structured(third, env.task.program)["objects"]
+        np.testing.assert_array_equal(again, seen["objects"])
         named = np.flatnonzero(registers[-1][1:]) + 1
         assert named.tolist() == list(env.task.verifier.targets)
 
@@ -124,7 +130,8 @@ def test_the_program_of_an_episode_can_be_chosen() -> None:
     ):
         with pytest.raises(error, match=said):
             env.reset(seed=0, options=options)  # type: ignore[arg-type]
-    assert env.step(np.zeros(6, np.float32))[4]["program"]
+    _, _, terminated, truncated, info = env.step(np.zeros(6, np.float32))
+    assert not terminated and not truncated and info["program"]
 
 
 def test_a_flat_observation_takes_no_program_that_it_cannot_state() -> None:

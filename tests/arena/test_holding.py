@@ -121,13 +121,38 @@ def test_a_tower_of_four_stands_for_a_minute_without_creeping() -> None:
 
 
 @pytest.mark.parametrize(
-    "condition", ["train", "eval", "pairs", "place", "hold", "reach", "tower-3", "tower-4"]
+    "condition",
+    [
+        "train",
+        "eval",
+        "pairs",
+        "place",
+        "hold",
+        "reach",
+        "tower-3",
+        "tower-4",
+        "rebuild-3",
+        "sort-3",
+    ],
 )
 def test_the_script_takes_puts_and_builds(condition: str) -> None:
     task = ReachTask(preset_for(STACK), STACK, seed=1)
     for index in range(4):
         *_, (_, verdict) = play(task, lambda _: scripted_action(task), task.reset(index, condition))
         assert verdict.satisfied
+        assert condition != "reach" or scripted_action(task)[-1] == LET_GO
+
+
+def test_a_tower_is_taken_down_and_built_in_another_order() -> None:
+    task = ReachTask(preset_for(STACK), STACK, seed=1)
+    task.reset(0, "rebuild-3")
+    named = [" ".join(one.kind.values()) for one in task.episode.blocks[:3]]
+    assert named == ["BLUE CUBE", "BLUE CYLINDER", "RED CUBE"]
+    assert task.simulation.positions[1:4, 2].round(2).tolist() == [0.15, 0.03, 0.09]
+    assert str(task.goal) == (
+        "THEN(ON(AND(BLUE, CUBE), AND(BLUE, PLACE)), ON(AND(RED, CUBE), AND(RED, PLACE)), "
+        "ALL(ON(AND(BLUE, CUBE), AND(RED, CUBE)), ON(AND(BLUE, CYLINDER), AND(BLUE, CUBE))))"
+    )
 
 
 def test_a_tower_is_built_from_below_whatever_the_order_of_its_text() -> None:

@@ -92,6 +92,8 @@ def test_info_describes_episodes_versions_and_provenance(learned, stepped, capsy
 def test_info_names_gaps(learned, stepped, tmp_path, capsys):
     def drop(name, message):
         gone = name == "/trajectories" and message.sequence == 1
+        if name == "/trajectories":
+            message.sequence += 5
         return [] if gone or (name == "/policy_weights" and message.version == 2) else [message]
 
     assert main(["bag", "info", str(rewritten(learned, tmp_path / "a", drop))]) == 0
@@ -158,12 +160,20 @@ def test_exported_objects_that_are_absent_are_nan(changing, tmp_path):
 
 
 def test_transitions_alone_are_exported_without_stamps(learned, tmp_path):
-    assert export(learned, "--episodes", "1", "--out", tmp_path) == 0
-    written = {path.name for path in tmp_path.iterdir()}
+    def number(name, message):
+        if name == "/trajectories":
+            message.rewards = message.first_step + np.arange(len(message.rewards), dtype=np.float32)
+        return [message]
+
+    bag = rewritten(learned, tmp_path / "bag", number)
+    with Bag(bag) as opened:
+        assert "/learner_info" in opened.types
+    assert export(bag, "--episodes", "1", "--out", tmp_path / "out") == 0
+    written = {path.name for path in (tmp_path / "out").iterdir()}
     assert written == {"episode-000001.npz", "episodes.csv"}
-    with np.load(tmp_path / "episode-000001.npz") as arrays:
+    with np.load(tmp_path / "out/episode-000001.npz") as arrays:
         assert arrays["action"].shape == (101, 6) and np.isnan(arrays["action"][-1]).all()
-        assert np.isnan(arrays["reward"][0]) and set(arrays["reward"][1:]) <= {-1.0, 1.0}
+        np.testing.assert_array_equal(arrays["reward"], [np.nan, *range(100)])
         assert np.isnan(arrays["stamp_s"]).all() and np.isfinite(arrays["joint_position"]).all()
 
 

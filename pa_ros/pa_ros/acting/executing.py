@@ -25,7 +25,7 @@ from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.inference import AVOIDED, MOVED, RELEVANT, TARGET
 from pa_ros.world.comparisons import choose
 from pa_ros.world.poses import places
-from pa_ros.world.relation import BLOCK_M, HELD_LIMITS, NOT_HELD_M, ON_BESIDE_M
+from pa_ros.world.relation import BLOCK_M, GRIP_M, HELD_LIMITS, NOT_HELD_M, ON_BESIDE_M
 from pa_ros.world.scoring import REWARDED, Score, Scoring
 
 # A program means every object whose degree is at least this share of the greatest degree; to choose
@@ -38,8 +38,10 @@ SLOWED, JOINTS_SLOWED = (0.6, 1.2), (0.0, 3.0)
 # down once it is this near to it, and lets go when no joint is faster than this (rad/s); then it
 # rises. Both ways at these parts of full speed.
 FROM_ABOVE_M, CENTERED_M, STILL, LOWERING, LEAVING = 0.03, 0.006, 0.1, 0.2, 0.3
+NEAR_M = 0.15  # sideways: what it must be above
 TOUCHED_M = 0.06  # from where the hand would hold it: an object that it may touch
 UP = 2  # of the axes of an action
+UPWARD = np.array([0.0, 0.0, 1.0])
 AVOIDED_WITHIN_M = 0.40  # of the hand: what is farther away is not avoided
 # At this distance from the hand, an object to be avoided counts as much as the goal; nearer by the
 # second length, it counts e times as much.
@@ -131,36 +133,47 @@ class Actor(Policy):
             action = np.zeros(self._world.actions, np.float32)
             action[UP], action[-1] = LEAVING, -1.0
             return action
-        if not held.satisfied:
-            return self.infer(observation, forms.taking, others)
-        action = self.infer(observation, forms.plain, others)
-        to, reach = self._way(observation, chosen)
-        beside, above = hypot(*to[:UP]), -to[UP]
-        action[-1] = 1.0
-        if beside <= ON_BESIDE_M:
-            action[:UP] = to[:UP] / max(reach, beside / LOWERING)
-        elif above < FROM_ABOVE_M / 2:  # so low that it would push or drag
-            action[:UP] = 0.0
-        if beside > CENTERED_M:
-            action[UP] = max(action[UP], min((FROM_ABOVE_M - above) / reach, 1.0))
-        elif rests.measure - HELD_LIMITS > REWARDED:
-            action[UP] = -LOWERING
-        else:  # it is there: first stop, then let go
+        taken = bool(held.satisfied)
+        action = self.infer(observation, forms.plain if taken else forms.taking, others)
+        over = self._comes_from_above(action, *self._way(observation, chosen, taken))
+        if taken:
+            action[-1] = 1.0
+        if taken and over and rests.measure - HELD_LIMITS <= REWARDED:  # first stop, then let go
             moves = float(np.abs(observation.joint_velocity).max()) > STILL
             action[:-1], action[-1] = 0.0, 1.0 if moves else -1.0
         return action
 
-    def _way(self, observation: Observation, chosen: Sequence[Objects]) -> tuple[Float64, float]:
-        """How far what is held has to go to rest there, m [3] along the axes of an action, and how
-        far the hand goes in one step at full speed, m."""
+    def _comes_from_above(self, action: Float32, way: Float64, above: float) -> bool:
+        """Change an action so that it goes a `way` (m, [2], along the first axes of actions) to the
+        middle of something and then down, `above` (m) what is near; whether it is over the
+        middle."""
         controller = self._world.controller
         assert controller is not None
-        hand = observation.hand_pose
-        moved, under = places(hand, observation.objects[[one[0] for one in chosen]])
-        x, y, up = under + (0.0, 0.0, BLOCK_M) - moved
+        step = controller.hand_speed * controller.period_s  # m, at full speed
+        beside = hypot(*way)
+        if beside <= ON_BESIDE_M:
+            action[:UP] = way / max(step, beside / LOWERING)
+        elif above < FROM_ABOVE_M / 2:  # so low that it would push or drag
+            action[:UP] = 0.0
+        over = beside <= CENTERED_M
+        action[UP] = -LOWERING if over else max(action[UP], min((FROM_ABOVE_M - above) / step, 1.0))
+        return over
+
+    def _way(
+        self, observation: Observation, chosen: Sequence[Objects], taken: bool
+    ) -> tuple[Float64, float]:
+        """How far the hand has to go sideways to be over an object that it is to take, or with what
+        it has taken over another: m [2], along the axes of an action. And how far above the highest
+        object near it this is, m; infinite if none is near."""
+        hand, seen = observation.hand_pose, places(observation.hand_pose, observation.objects)
+        (moved,), (under,) = chosen[0][:1], chosen[1][:1]
+        at, to = (seen[moved], seen[under]) if taken else (hand[:3] - GRIP_M * UPWARD, seen[moved])
+        x, y = (to - at)[:UP]
         c, s = hand[:UP] / max(hypot(*hand[:UP]), BLOCK_M)  # the hand's direction from the base
-        way = np.array([c * x + s * y, c * y - s * x, up])
-        return way, controller.hand_speed * controller.period_s
+        near = np.hypot(*(seen - at)[:, :UP].T) < NEAR_M
+        near[[observation.hand_index, *[moved] * taken]] = False
+        highest = seen[near, UP].max(initial=-np.inf) + BLOCK_M * taken
+        return np.array([c * x + s * y, c * y - s * x]), float(at[UP] - highest)
 
     def _touches_another(self, observation: Observation, chosen: float) -> bool:
         """Whether the empty hand is at another object than the chosen one, so near that moving

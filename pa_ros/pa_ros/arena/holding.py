@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from math import inf
-from typing import Any
 
 import numpy as np
 
@@ -68,6 +67,8 @@ class Holding(Pushing):
         flat = self._flat(design)
         for blocks in TOWERS:
             yield Condition(f"tower-{blocks}", flat, flat, blocks, moved=flat, chain=blocks)
+        yield Condition("rebuild-3", flat, flat, 3, moved=flat, chain=3)
+        yield Condition("sort-3", flat, flat, 3, moved=flat, chain=2)
 
     def draw(
         self,
@@ -86,7 +87,8 @@ class Holding(Pushing):
         ]
         episode = replace(episode, blocks=tuple(blocks))
         if condition.chain:
-            return replace(episode, goal=_tower(design, episode, rng))
+            several, _ = condition.name.split("-")
+            return SEVERAL[several](design, episode, rng)
         return _with_a_part_done(config, design, episode, rng) if condition.near_starts else episode
 
     def relate(self, task: ReachTask, moved: int, target: int) -> Float64:
@@ -141,9 +143,8 @@ def put(task: ReachTask, block: int, support: int) -> Float64:
 def _clear(task: ReachTask, place: Float64, carried_m: float = 0.0) -> Float64:
     """Where the hand goes next on its way over a place: up, then over all blocks."""
     hand, *objects = task.simulation.positions
-    highest = max(
-        one[2] for one in objects if np.hypot(*(one - hand)[:2]) > HELD_M or not carried_m
-    )
+    grip = hand - (0.0, 0.0, GRIP_M)
+    highest = max(one[2] for one in objects if np.linalg.norm(one - grip) > HELD_M or not carried_m)
     height = max(highest + GRIP_M + carried_m, place[2]) + CLEAR_M
     up = hand[2] < height - OVER_IT_M and np.hypot(*(place - hand)[:2]) > CLEAR_M
     return np.array([*(hand if up else place)[:2], height])
@@ -157,12 +158,49 @@ def _holds(task: ReachTask) -> bool:
     return bool(task.simulation.hand_pose[-1])
 
 
-def _tower(design: Design, episode: Episode, rng: np.random.Generator) -> Any:
-    """A goal of which every block is on the one before."""
-    kinds = [one.kind for one in episode.blocks if design.schema.has_body(one.kind)]
-    order = [kinds[i] for i in rng.permutation(len(kinds))]
-    parts = [f"{ON}({top.conjunction}, {low.conjunction})" for low, top in pairwise(order)]
-    return parse_goal(f"ALL({', '.join(parts)})", design.vocabulary)
+def _tower(design: Design, episode: Episode, rng: np.random.Generator) -> Episode:
+    """Every block is to be on the one before."""
+    goal = _in_order(rng.permutation(_bodies(design, episode)).tolist(), episode)
+    return replace(episode, goal=parse_goal(goal, design.vocabulary))
+
+
+def _rebuild(design: Design, episode: Episode, rng: np.random.Generator) -> Episode:
+    """A tower is to be taken down, a block on each place, and built in another order."""
+    blocks, order = list(episode.blocks), rng.permutation(_bodies(design, episode)).tolist()
+    for low, top in pairwise(order):
+        blocks[top] = _over(blocks[top], blocks[low])
+    places = [one.kind for one in blocks if not design.schema.has_body(one.kind)]
+    aside = [_on(blocks[i].kind, place) for i, place in zip(order[:0:-1], places, strict=False)]
+    other = _in_order([*order[1:], order[0]], episode)
+    goal = parse_goal(f"THEN({', '.join([*aside, other])})", design.vocabulary)
+    return replace(episode, blocks=tuple(blocks), goal=goal)
+
+
+def _sort(design: Design, episode: Episode, rng: np.random.Generator) -> Episode:
+    """Some block of each color is to be on the place of that color."""
+    colors = {episode.blocks[i].kind["color"] for i in _bodies(design, episode)}
+    places = [one.kind for one in episode.blocks if not design.schema.has_body(one.kind)]
+    parts = [f"{ON}({p['color']}, {p.conjunction})" for p in places if p["color"] in colors]
+    goal = f"ALL({', '.join(parts)})" if len(parts) > 1 else parts[0]
+    return replace(episode, goal=parse_goal(goal, design.vocabulary))
+
+
+SEVERAL = {"tower": _tower, "rebuild": _rebuild, "sort": _sort}
+"""Goals of several programs, by the first part of a condition's name."""
+
+
+def _in_order(order: Sequence[int], episode: Episode) -> str:
+    kinds = [episode.blocks[i].kind for i in order]
+    return f"ALL({', '.join(_on(top, low) for low, top in pairwise(kinds))})"
+
+
+def _on(moved: Kind, target: Kind) -> str:
+    return f"{ON}({moved.conjunction}, {target.conjunction})"
+
+
+def _bodies(design: Design, episode: Episode) -> list[int]:
+    """Which objects of an episode are no places."""
+    return [i for i, one in enumerate(episode.blocks) if design.schema.has_body(one.kind)]
 
 
 def _with_a_part_done(
@@ -173,7 +211,7 @@ def _with_a_part_done(
     words = [block.kind.words for block in episode.blocks]
     sets = roles(episode.program, words, None, design.vocabulary.bodiless)
     blocks = list(episode.blocks)
-    bodies = [i for i, one in enumerate(blocks) if design.schema.has_body(one.kind)]
+    bodies = _bodies(design, episode)
     target = int(np.flatnonzero(sets[1])[0])
     moved = int(np.flatnonzero(sets[0])[0]) if any(sets[0]) else target
     free = [i for i in bodies if i not in (moved, target) and words[i].isdisjoint(ROUND)]

@@ -31,7 +31,8 @@ INSTRUCTIONS = """\
 A robot arm at a table with blocks executes programs such as NEAR(HAND, AND(RED, CUBE)). The hand
 moves to the objects that a program names; agents that were trained for it also push blocks to
 others or to places (NEAR), or take them (HOLD) and put them on places and on each other (ON). First
-call `scene`: it lists the blocks and programs that make sense now. `check` says whether a program can be executed. {execution}"""
+call `scene`: it lists the blocks and programs that make sense now. `check` says whether a program
+can be executed. {execution}"""
 EXECUTION = {
     True: "`execute` moves the arm; `cancel` stops it, and the arm holds.",
     False: "This server only looks: it was started without --allow-execute, so nothing moves.",
