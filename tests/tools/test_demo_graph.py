@@ -13,7 +13,7 @@ from helpers.processes import processes_of
 from pa_ros.agents import load_agent
 from pa_ros.arena import ReachTask, design_named, preset_named, training_programs
 from pa_ros.arena.skills import DemoProgram
-from pa_ros.cli.demo import PUSHED, execute
+from pa_ros.cli.demo import MOVES, execute
 from pa_ros.cli.main import main
 from pa_ros.core.errors import ConfigError
 from pa_ros.language import parse
@@ -66,7 +66,7 @@ def test_without_a_fitting_design_or_scene_there_is_an_error():
 
 
 @graph
-@pytest.mark.parametrize(("name", "kinds"), [("3-D", ()), ("push", PUSHED)])
+@pytest.mark.parametrize(("name", "kinds"), [("3-D", ()), ("push", MOVES["push"][0])])
 def test_a_shipped_agent_executes_programs_and_is_recorded(name, kinds, tmp_path, capfd):
     design = load_agent(f"shipped:{name}").design
     assert execute(tmp_path, design, f"shipped:{name}", 1_000_000, speed=5.0, kinds=kinds)

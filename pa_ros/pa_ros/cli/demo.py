@@ -42,9 +42,18 @@ from pa_ros.wire.step import decode_step
 from pa_ros.world.relation import measured
 
 SHIPPED, LEARNED = "3-D", "2-L"  # designs
-PUSHES = "push"  # the shipped agent that moves blocks
-PUSHED = ("trained", "held out", "to a block", "color alone")  # the programs that it executes
-STACKS, STACKED = "stack", ("trained", "held out", "to a block", "tower")  # likewise
+MOVES = {  # shipped agents that move blocks: the kinds of programs to show, and what it says
+    "push": (
+        ("trained", "held out", "to a block", "color alone"),
+        "Another agent of the package moves blocks: to places, which are colored disks, and to\n"
+        "other blocks. It was never trained to move one to another block.",
+    ),
+    "stack": (
+        ("trained", "held out", "to a block", "tower"),
+        "The last agent has a vacuum cup. It puts blocks on places and on other blocks, and\n"
+        "builds a tower, which it was never trained to do.",
+    ),
+}
 SCENE_SEED = 1_000_000  # added to the seed: no scene of the executions was trained in
 SPEED = 2.0  # times real time, during executions
 REFERENCE_EPISODES = 50
@@ -87,8 +96,8 @@ def run(options: argparse.Namespace) -> int:
             reached = _learn(folder, options.seed, options.minutes)
             good = reached and _execute_learned(folder, options.seed) and good
             if options.shipped:
-                good = _show_pushing(folder, options.seed) and good
-                good = _show_stacking(folder, options.seed) and good
+                for name in MOVES:
+                    good = _show_moving(name, folder, options.seed) and good
     except PaError as error:
         print(f"pa_ros demo: {error}", file=sys.stderr)
         return EXIT_FAILED
@@ -113,20 +122,12 @@ def _execute_learned(folder: Path, seed: int) -> bool:
     return execute(folder, design_named(LEARNED), checkpoint, seed + SCENE_SEED)
 
 
-def _show_pushing(folder: Path, seed: int) -> bool:
-    checkpoint = f"{SHIPPED_PREFIX}{PUSHES}"
+def _show_moving(name: str, folder: Path, seed: int) -> bool:
+    kinds, said = MOVES[name]
+    print(f"\n{said}\n")
+    checkpoint = f"{SHIPPED_PREFIX}{name}"
     design = load_agent(checkpoint).design
-    print("\nAnother agent of the package moves blocks: to places, which are colored disks, and to")
-    print("other blocks. It was never trained to move one to another block.\n")
-    return execute(folder / "pushed", design, checkpoint, seed + SCENE_SEED, kinds=PUSHED)
-
-
-def _show_stacking(folder: Path, seed: int) -> bool:
-    checkpoint = f"{SHIPPED_PREFIX}{STACKS}"
-    design = load_agent(checkpoint).design
-    print("\nThe last agent has a vacuum cup. It puts blocks on places and on other blocks, and")
-    print("builds a tower, which it was never trained to do.\n")
-    return execute(folder / "stacked", design, checkpoint, seed + SCENE_SEED, kinds=STACKED)
+    return execute(folder / name, design, checkpoint, seed + SCENE_SEED, kinds=kinds)
 
 
 def execute(
