@@ -114,6 +114,11 @@ def test_programs_that_name_a_sphere_are_apart_but_not_those_that_exclude_it() -
     others, spheres = ends(scores, vocabulary)
     assert (spheres.close, spheres.episodes) == (1.0, 1)
     assert (others.close, others.episodes) == (0.5, 2)
+    on = "ON({}, AND(RED, PLACE))".format
+    tower = f"ALL({on('SPHERE')}, {on('RED')})"  # of several programs, and of no distance in m
+    scores = [EpisodeScore(0, tower, 0.0, True, 0.05, True)]
+    (row,) = ends(scores, EXPERIMENTS["stack-3D"].task.vocabulary)
+    assert row.spheres and math.isnan(row.close) and row.success == 1.0
 
 
 def test_claims_have_medians_intervals_and_the_seeds_that_reach_the_aim(tmp_path, monkeypatch):

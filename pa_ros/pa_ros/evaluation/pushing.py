@@ -9,8 +9,8 @@ from math import nan
 import numpy as np
 
 from pa_ros.evaluation.scores import EpisodeScore
-from pa_ros.language import HAND, Expression, Not, Vocabulary, Word, parse
-from pa_ros.language.syntax import walk
+from pa_ros.language import HAND, Expression, Not, Program, Vocabulary, Word, parse_goal, stages
+from pa_ros.language.syntax import NEAR, walk
 
 CLOSE_M = 0.07  # objects closer than this are counted, too
 
@@ -25,7 +25,7 @@ class EndsRow:
     episodes: int
     success: float  # share that is satisfied at the end
     ever: float  # at some step
-    close: float  # objects at most CLOSE_M apart at the end; NaN where the hand is moved
+    close: float  # objects at most CLOSE_M apart at the end; NaN but for NEAR of objects
     normalized: float  # reward, 0 random, 1 the script, where the hand is moved; else NaN
 
 
@@ -38,20 +38,21 @@ def ends(
 ) -> list[EndsRow]:
     """How episodes ended: without spheres, with spheres; only what there is."""
     rows = []
+    programs = [stages(parse_goal(one.program, vocabulary)) for one in scores]
     for spheres in (False, True):
-        own = [one for one in scores if _names_a_sphere(one, vocabulary) == spheres]
-        if own:
-            pushes = any(HAND not in parse(one.program, vocabulary).sets for one in own)
+        of = [i for i, parts in enumerate(programs) if _name_a_sphere(parts) == spheres]
+        if of:
+            own = [scores[i] for i in of]
+            near = all(p.relation == NEAR and p.moved != HAND for i in of for p in programs[i])
             columns = [(one.success, one.ever, one.distance <= CLOSE_M) for one in own]
             success, ever, close = np.mean(columns, axis=0).tolist()
-            close = close if pushes else nan
+            close = close if near else nan
             rows.append(EndsRow(seed, condition, spheres, len(own), success, ever, close, score))
     return rows
 
 
-def _names_a_sphere(score: EpisodeScore, vocabulary: Vocabulary) -> bool:
-    """Whether the program names a sphere: not one that it excludes."""
-    program = parse(score.program, vocabulary)
-    parts: list[Expression] = [part for one in program.nouns for part in walk(one)]
+def _name_a_sphere(programs: Sequence[Program]) -> bool:
+    """Whether programs name a sphere: not one that they exclude."""
+    parts: list[Expression] = [part for p in programs for one in p.nouns for part in walk(one)]
     excluded = {part for one in parts if isinstance(one, Not) for part in walk(one)}
     return Word("SPHERE") in {*parts} - excluded
