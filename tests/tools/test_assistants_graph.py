@@ -68,7 +68,7 @@ def test_without_permission_only_looking_is_offered():
         tools = (await client.list_tools()).tools
         assert {tool.name for tool in tools} == LOOKING
         assert all(tool.annotations.read_only_hint and tool.description for tool in tools)
-        assert "cannot grasp" in client.instructions and "nothing moves" in client.instructions
+        assert "take them (HOLD)" in client.instructions and "nothing moves" in client.instructions
         assert (await client.call_tool("execute", {"program": REACHABLE})).is_error
 
     ask(Table(lambda: pytest.fail("no tool was called")), False, script)
