@@ -27,6 +27,7 @@ BENCHMARKS = {
     "learner": "updates per second, beside other implementations and a lower bound",
     "peers": "agents of other libraries on the same task",
     "rehearsal": "how often programs are executed in the arena and on a robot of robot_node",
+    "stacking": "how often towers are built with a robot of robot_node that has a gripper",
     "train": "updates per second while learning, as a share of updates alone",
 }
 

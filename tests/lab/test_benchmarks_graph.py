@@ -15,7 +15,7 @@ from agent_node.config import AgentConfig
 from helpers.graph import SMALL
 from helpers.pictures import opengl
 from helpers.waiting import DEADLINE_S, wait_for
-from laboratory.benchmarks import camera, fleet, graph, latency, rehearsal, train
+from laboratory.benchmarks import camera, fleet, graph, latency, rehearsal, stacking, train
 from learner_node.config import LearnerNodeConfig
 from pa_ros.arena import design_named, preset_named
 from pa_ros.core.text import Report
@@ -66,6 +66,12 @@ def test_a_program_on_a_robot(monkeypatch):
     found = rehearsal.run(Namespace(scenes=1, tags=False, no_relay=False))
     assert found["arena"] == found["robot"] == 1.0
     assert 0 < float(found["command_p50_ms"]) <= float(found["command_p99_ms"])
+
+
+def test_a_block_is_put_on_a_place_by_a_robot_with_a_gripper(monkeypatch):
+    monkeypatch.setattr(stacking, "SETTLE_S", 0.5)
+    monkeypatch.setattr(stacking, "CONDITION", "blocks-4")
+    assert stacking.run(Namespace(scenes=1))["built"] == 1.0
 
 
 @pytest.fixture(scope="module")

@@ -41,7 +41,7 @@ PROGRAMS = (
     "NEAR(HAND, BLUE)",
     "NEAR(HAND, AND(NOT(RED), CUBE))",
 )
-START_S, SETTLE_S, GOAL_S = 120.0, 3.0, 60.0  # wall time
+START_S, SETTLE_S, GOAL_S = 120.0, 3.0, 120.0  # wall time
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -154,7 +154,7 @@ def _execute(simulated: Any, arm: Any, scenes: int) -> list[bool]:
         spin_until(arm, lambda: False, SETTLE_S)  # until the new scene is measured
         started = time.monotonic()
         goal = ProgramGoal(_program(scene), WINDOW_S, HOLD_S)
-        result = _result(arm, client, goal)
+        result = result_of(arm, client, goal)
         took = time.monotonic() - started
         named = Verifier(
             parse(goal.text, simulated.DESIGN.vocabulary), simulated.KINDS, scoring
@@ -170,7 +170,7 @@ def _execute(simulated: Any, arm: Any, scenes: int) -> list[bool]:
     return reached
 
 
-def _result(arm: Any, client: Any, goal: ProgramGoal) -> GoalResult:
+def result_of(arm: Any, client: Any, goal: ProgramGoal) -> GoalResult:
     """The result of a goal; an agent that knows no arena yet is asked again."""
     until = time.monotonic() + GOAL_S
     while True:
