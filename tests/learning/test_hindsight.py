@@ -96,6 +96,16 @@ def test_a_place_moves_to_where_the_moved_block_later_was(replay: ReplayBuffer) 
     assert len(away) > 5 and (np.abs(away) < 0.15).all()
 
 
+@pytest.mark.parametrize("in_air", [False, True])
+def test_a_place_keeps_its_height_unless_things_may_end_in_the_air(replay, in_air: bool) -> None:
+    drawn = hindsight(moved=0, future=1, cross=0, in_air=in_air)
+    drawn = drawn.draw(np.random.default_rng(1), replay, 300)
+    before, after = places(drawn)
+    np.testing.assert_allclose(before, after, atol=1e-5)
+    of_hand = drawn.program[:, 0] == TEXTS.index("NEAR(HAND, PLACE)")  # which goes anywhere
+    assert of_hand.any() and (np.ptp(before[of_hand, 2]) > 1) == in_air
+
+
 def test_a_place_may_move_to_where_another_block_was(replay: ReplayBuffer) -> None:
     drawn = hindsight(moved=1, future=1, cross=1).draw(np.random.default_rng(1), replay, 300)
     sphere = position(drawn.arm, drawn.objects, SPHERE)

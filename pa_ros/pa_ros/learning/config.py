@@ -92,6 +92,11 @@ class HindsightConfig(Settings):
         le=1,
         description="share under programs in which one argument is an OR of two training ones",
     )
+    in_air: bool = Field(
+        False,
+        description="whether a moved place is as high as the block was, where blocks may end in "
+        "the air",
+    )
     spread: ClassVar[float] = 0.03  # m, deviation of a moved place
 
 

@@ -240,7 +240,8 @@ class Hindsight(Rule):
         pose = in_base(hand, drawn.objects[rows, place, :POSE_WIDTH].astype(np.float64))
         spread = np.where(rests, RESTS_SPREAD_M, config.spread)[:, None]
         pose[:, :2] = there[:, :2] + rng.normal(0.0, spread, (len(rows), 2))
-        pose[:, 2] = np.where(rests, there[:, 2] - rests_m, pose[:, 2])
+        height = there[:, 2] if config.in_air else pose[:, 2]
+        pose[:, 2] = np.where(rests, there[:, 2] - rests_m, height)
         drawn.objects[rows, place, :POSE_WIDTH] = in_hand(hand, pose)
         drawn.next_objects[rows, place, :POSE_WIDTH] = in_hand(next_hand, pose)
 
