@@ -21,6 +21,7 @@ BENCHMARKS = {
     "arena": "control steps per second; scores of the script and of random actions",
     "baselines": "other networks and algorithms with our relabeling",
     "camera": "time from a picture to the command that it led to, on one core",
+    "fetch": "pushing and lifting in Gymnasium-Robotics, beside hindsight of Stable-Baselines3",
     "fleet": "how much sooner several slow arenas bring one learner to its goal",
     "graph": "control steps per second of an arena and an agent as two processes",
     "latency": "time from a program, and from an observation, to the command",
