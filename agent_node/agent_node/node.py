@@ -19,6 +19,7 @@ from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.core.clock import now_ns
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import (
+    PERSON,
     AgentKey,
     LearnerInfo,
     PolicySnapshot,
@@ -149,7 +150,7 @@ class AgentNode(ActingNode):
             return
         executed = step.executed
         other = executed.command.agent_id if executed is not None else self.agent_id
-        if other != self.agent_id:
+        if other not in (self.agent_id, PERSON):
             self._status.warn(f"the arm obeys the agent {other!r}, too: stop one of the two")
         self._status.has_program = bool(step.program)
         if not step.program:

@@ -26,7 +26,7 @@ from pa_ros.acting.agent import Agent
 from pa_ros.acting.errors import ActingError
 from pa_ros.acting.learning_agent import LearningAgent
 from pa_ros.acting.send_window import Wait
-from pa_ros.core.experience import Executed, PublishedPolicy, Step
+from pa_ros.core.experience import PERSON, Executed, PublishedPolicy, Step
 from pa_ros.language import PRODUCT, parse
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError
@@ -64,7 +64,6 @@ NOT_MINE: dict[str, Says] = {
     "nobody's": lambda sent: None,  # the watchdog held, or the command was clamped
     "another agent's": lambda sent: _of(sent, agent_id="someone"),
     "an earlier one of mine": lambda sent: _of(sent, number=sent.command.number - 1),
-    "forged": lambda sent: Executed(sent.command, sent.action + np.float32(1e-3)),
 }
 
 
@@ -75,8 +74,22 @@ def test_steps_after_anothers_command_are_no_experience(arm, says) -> None:
     arm.run(3)
     arm.run(3, says)
     arm.run(10)
-    assert arm.spans == [(0, 0, 10), (1, 16, 10)]
+    assert arm.spans == [(0, 0, 10), (1, 10, 3), (2, 16, 10)]
     assert arm.agent.interrupted == 3
+
+
+@pytest.mark.parametrize("moved_by", [ME.agent_id, PERSON])
+def test_what_the_arm_did_is_learned_from_and_not_what_was_asked_for(arm, moved_by) -> None:
+    slower = lambda sent: Executed(  # noqa: E731
+        sent.command._replace(agent_id=moved_by), sent.action * np.float32(0.5)
+    )
+    arm.reset(0)
+    asked = []
+    for _ in range(10):
+        asked.append(arm.agent.last_command.action)
+        arm.run(1, slower)
+    assert arm.spans == [(0, 0, 10)] and arm.agent.interrupted == 0
+    assert arm.sent[0].actions == pytest.approx(np.array(asked) * 0.5)
 
 
 def test_commands_are_numbered_and_a_held_step_is_no_experience(arm) -> None:

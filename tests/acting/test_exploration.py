@@ -54,3 +54,12 @@ def test_at_times_a_random_action_is_held_instead() -> None:
     steps = [count for one in begun for x, count in one if x != own.tolist()]
     assert (min(steps), max(steps)) == (1, 15)
     assert 0.9 < np.abs(acted).max() < 1.0
+
+
+def test_a_limit_of_its_acceleration_keeps_it_from_shaking_an_arm() -> None:
+    config = ExplorationConfig(sigma=1.0, held=0.3, acceleration=2.0)
+    made, own = ExplorationNoise(config, 0.1, 3, actions=6), np.zeros(6, np.float32)
+    for episode in range(20):
+        acted = np.array([made.explore(own, episode) for _ in range(100)], np.float64)
+        assert np.abs(np.diff(acted, axis=0, prepend=0.0)).max() < 0.2 + 1e-6
+        assert np.abs(acted).max() > 0.7  # it still explores

@@ -49,3 +49,11 @@ def test_an_arm_of_impossible_numbers_is_rejected() -> None:
     for wrong in ({"max_speed": 0.0}, {"position": (0.0, 0.0)}, {"upper": np.nan}):
         with pytest.raises(ConfigError, match="controller: expected .*, got Frame"):
             replace(joint, **wrong)
+
+
+def test_the_action_of_a_command_is_the_hands_motion_that_it_makes() -> None:
+    controller, joints = hand_controller(preset_named("push")), np.array(JACO)
+    for action in ((0.3, -0.2, 0.1), (0.0, 0.4, -0.2), (-0.2, 0.0, 0.0)):
+        given = np.array(action, np.float32)
+        found = controller.action_of(controller.joint_action(given, joints), joints)
+        np.testing.assert_allclose(found, given, atol=0.03)  # damping takes a little

@@ -22,6 +22,12 @@ class ExplorationConfig(Settings):
         description="steps with a random action that is held, per step without: 0.3 is about a "
         "quarter of all steps",
     )
+    acceleration: float = Field(
+        0.0,
+        ge=0,
+        description="greatest change of the noise in a second, a share of full speed, so that a "
+        "real arm is not shaken; 0: no limit",
+    )
     damping: ClassVar[float] = 1.0  # θ, per second (paper)
     held_steps: ClassVar[int] = 8  # for which such an action is held on average
 

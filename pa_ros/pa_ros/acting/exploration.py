@@ -28,12 +28,14 @@ class ExplorationNoise:
         self._held_steps, self._begins_to_hold = config.held_steps, config.held / config.held_steps
         self._decay = math.exp(-config.damping * control_period_s)
         self._scale = config.sigma * math.sqrt(1 - self._decay**2)
+        self._most = config.acceleration * control_period_s or math.inf
         self._begin(episode=0)
 
     def _begin(self, episode: int) -> None:
         self._episode = episode
         self._rng = np.random.default_rng([self._seed, NOISE_STREAM, episode])
         self._x = self._sigma * self._rng.standard_normal(self._actions)
+        self._before = np.zeros(self._actions)  # of the noise, at the step before
         self._held, self._left = self._x, 0  # a uniform action, and for how many steps it is held
 
     def explore(self, action: Float32, episode: int) -> Float32:
@@ -46,6 +48,10 @@ class ExplorationNoise:
         if self._left:
             self._left -= 1
             noisy = self._held
+        if self._most < math.inf:
+            change = np.clip(noisy - action - self._before, -self._most, self._most)
+            self._before = self._before + change
+            noisy = action + self._before
         return np.clip(noisy, -1.0, 1.0).astype(np.float32)
 
     def sample(self, episode: int) -> Float64:

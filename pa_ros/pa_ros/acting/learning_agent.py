@@ -12,7 +12,15 @@ from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.acting.send_window import FreeSendWindow, SendWindow, Wait
 from pa_ros.acting.trajectories import TrajectoryBuilder
 from pa_ros.core.errors import ConfigError, PaError
-from pa_ros.core.experience import AgentKey, Float32, LearnerInfo, PublishedPolicy, Step
+from pa_ros.core.experience import (
+    AgentKey,
+    Executed,
+    Float32,
+    LearnerInfo,
+    Observation,
+    PublishedPolicy,
+    Step,
+)
 from pa_ros.language import PRODUCT, Goal, Program
 from pa_ros.language.parser import over_time
 from pa_ros.world import Trajectory
@@ -33,6 +41,7 @@ class LearningAgent(Agent):
         self._seed, self._first_sequence = seed, first_sequence
         self._window: SendWindow | None = None
         self._builder: TrajectoryBuilder | None = None
+        self._acted_on: Observation | None = None  # with exploration, last
 
     @property
     def lost(self) -> int:
@@ -106,13 +115,22 @@ class LearningAgent(Agent):
         if not isinstance(goal, Program):  # `act` refuses it
             self._builder = self._new_builder(self._window.learner)
             return None
-        # A transition is true only if the arm executed this agent's command unaltered.
-        pending = step.observation.step > 0 and not self._builder.at_boundary
-        if pending and (step.executed is None or step.executed != self.last_command):
-            self._builder = self._new_builder(self._window.learner)
+        # A transition is true only with the action that the arm had from this agent's command on.
+        if step.observation.step > 0 and not self._builder.at_boundary:
+            self._note_applied(self._builder, step.executed)
         assert step.verdict is not None
         trajectory = self._builder.observe(step.observation, step.verdict, goal)
         return None if trajectory is None else self._window.add(trajectory)
+
+    def _note_applied(self, builder: TrajectoryBuilder, executed: Executed | None) -> None:
+        """Record what the arm did with the last command."""
+        sent, before = self.last_command, self._acted_on
+        if executed is None or sent is None or not executed.answers(sent):
+            self.interrupted += 1
+            builder.applied(None)
+        elif executed.action.tobytes() != sent.action.tobytes() and self._actor and before:
+            world = self._actor.network.world
+            builder.applied(world.action_of(executed.action, before.joint_position))
 
     def pursued(self, step: Step, goal: Goal) -> Program:
         """The goal itself: rewards of a goal over time are not those of its programs."""
@@ -147,6 +165,7 @@ class LearningAgent(Agent):
             return super()._action(actor, step, program)
         action = actor.explore(step.observation, program)
         self._builder.acted(action, actor.version)
+        self._acted_on = step.observation
         return action
 
     def _begin(self, learner: LearnerInfo) -> None:

@@ -99,6 +99,16 @@ class TrajectoryBuilder:
         pending.actions.append(np.array(action, np.float32))
         self._acted = True
 
+    def applied(self, action: Float32 | None) -> None:
+        """Replace the action recorded last by what the arm did; None: that is not known, and the
+        trajectory ends at the step observed last."""
+        pending = self._pending
+        assert pending is not None and pending.actions, "an action was recorded"
+        if action is None:
+            self._acted = False
+        else:
+            pending.actions[-1] = np.array(action, np.float32)
+
     def _continues(self, pending: _Pending, observation: Observation, program: Program) -> bool:
         last = pending.last
         return (

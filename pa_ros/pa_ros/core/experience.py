@@ -72,6 +72,9 @@ class AgentKey(NamedTuple):
     incarnation: int  # grows with every start
 
 
+PERSON = "a person"  # as agent_id: a person moved the arm in the place of the agent it obeys
+
+
 class CommandKey(NamedTuple):
     """Names one command."""
 
@@ -82,11 +85,18 @@ class CommandKey(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Executed:
-    """A command that was carried out exactly as given."""
+    """A command, and the action that it led to: a robot's guard may have changed it."""
 
     command: CommandKey
     action: Float32
     """[J] share of each joint's speed limit, in [-1, 1]; of a gripper one more, on above 0."""
+
+    def answers(self, sent: Executed | None) -> bool:
+        """Whether it is what became of a command, or what a person did at that step instead."""
+        return sent is not None and self.command in (
+            sent.command,
+            sent.command._replace(agent_id=PERSON),
+        )
 
     def __eq__(self, other: object) -> bool:
         return (
@@ -104,7 +114,7 @@ class Step:
     verdict: Verdict | None = None  # None: nobody judged it, so nothing can be learned from it
     program: str = ""  # canonical text of the program in force; empty: none
     evaluation: bool = False  # act greedily, and leave no trace in training
-    executed: Executed | None = None  # the command that led here, if exactly one did, unaltered
+    executed: Executed | None = None  # the action that led here, and the one command it answers
     arena_id: str = ""
 
     @property

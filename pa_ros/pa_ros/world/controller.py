@@ -142,6 +142,16 @@ class HandController:
         excess = max(1.0, float(np.max(np.abs(velocity) / self.speed_limits)))
         return (velocity / excess / self.speed_limits).astype(np.float32)
 
+    def action_of(self, command: Float32, joint_position: Float64) -> Float32:
+        """The action [3] that moves the hand as joint velocities (parts of the speed limits) do."""
+        hand = self.hand(joint_position)
+        moving = hand.jacobian[:3] @ (command.astype(np.float64) * self.speed_limits)
+        x, y, _ = hand.place.tolist()
+        radius = max(hypot(x, y), 0.05)
+        c, s = x / radius, y / radius
+        along = np.array([c * moving[0] + s * moving[1], c * moving[1] - s * moving[0], moving[2]])
+        return np.clip(along / self.hand_speed, -1.0, 1.0).astype(np.float32)
+
     def solve(self, moving: Float64, hand: Hand, joint_position: Float64) -> Float64:
         """Joint velocities (rad/s, [J], not limited) for the hand's velocity [3] (m/s)."""
         (x, y, _), axis = hand.place.tolist(), hand.turn[:, 2]

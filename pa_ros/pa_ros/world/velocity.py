@@ -34,7 +34,7 @@ class VelocityRamp:
         All joints get there at the same time, so an arm that stops keeps its direction.
         """
         change = action * self._speeds - self.velocity
-        share = self._acceleration * period_s / max(np.abs(change).max(), TINY)
+        share = self._acceleration * max(period_s, TINY) / max(np.abs(change).max(), TINY)
         self.velocity = self.velocity + min(share, 1.0) * change
         return self.velocity.copy()
 
@@ -65,6 +65,11 @@ class DeadReckoning:
         before = self._before + turns
         self.position = self._before = np.clip(ahead, before - reach, before + reach)
         self._measured_s = now_s
+
+    @property
+    def velocity(self) -> Float64:
+        """What was sent last, rad/s [J]."""
+        return self._sent[-1][1] if self._sent else np.zeros(len(self._speeds))
 
     def sent(self, velocity: Float64, now_s: float) -> None:
         """Note the velocities [J] (rad/s) that the arm has from now on."""

@@ -123,6 +123,14 @@ class World:
         moving = self.controller.joint_action(action[:AXES], joint_position)
         return np.concatenate([moving, action[AXES:]]) if self.gripper else moving
 
+    def action_of(self, command: Float32, joint_position: Float64) -> Float32:
+        """The action [`actions`] that best describes a command [`commands`]: the inverse of
+        `joint_action`."""
+        if self.controller is None:
+            return command
+        moving = self.controller.action_of(command[: self.joints], joint_position)
+        return np.concatenate([moving, command[self.joints :]])
+
     @cached_property
     def value_words(self) -> Float32:
         """[values, V]: 1 where a value has that word, else 0; values of all groups in order."""
