@@ -22,7 +22,7 @@ from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.recipes import RECIPES, LearningSettings
 from pa_ros.networks.config import NetworkSettings
 from sim_node.config import SimConfig
-from sim_node.robot.settings import GripperSettings, RobotSettings
+from sim_node.robot.settings import GripperSettings, LessonSettings, RobotSettings
 
 ROOT = Path(__file__).parents[1]
 EXTENDING = ROOT / "docs/extending.md"
@@ -59,6 +59,7 @@ TABLES: dict[str, tuple[str, type[Settings]]] = {  # marker: file, settings
     "network": ("docs/learning.md", NetworkSettings),
     "robot": ("docs/robot.md", RobotSettings),
     "gripper": ("docs/robot.md", GripperSettings),
+    "lessons": ("docs/robot.md", LessonSettings),
 }
 
 
@@ -110,7 +111,10 @@ def table(kind: type[Settings], sets: dict[str, dict[str, Any]]) -> str:
     shared = {leaf.path for leaf in LearnerConfig.leaves()} if kind is TD3Config else set()
     leaves = list(kind.leaves())
     if kind is RobotSettings:
-        shared = {leaf.path for leaf in ArenaChoice.leaves()} | {"gripper"}  # a table of its own
+        shared = {leaf.path for leaf in ArenaChoice.leaves()} | {
+            "gripper",
+            "learning",
+        }  # with tables
     leaves = [leaf for leaf in leaves if leaf.path not in shared]
     for leaf in leaves:
         name = f"`{kind.SECTION}.{leaf.path}`" if of_learning else f"`{leaf.path}`"

@@ -1,6 +1,7 @@
 """The arena's arm as a "real" one, for rehearsals with robot_node: joint_states, tf and a camera
 come out, joint velocities go in, and nothing else (docs/robot.md)."""
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -31,7 +32,6 @@ KINDS = [  # of objects with the tags 0, 1, 2 and 3
 ]
 PERIOD_S = 0.02  # of the driver: 50 joint states per second
 TAG_M, SHEET_M = 0.05, 0.0625  # edge of a tag's black square, and of the sheet with its white edge
-OBJECTS = {str(kind).lower().replace(" ", "_"): f"block{i}" for i, kind in enumerate(KINDS)}
 SIZE, PICTURE_S = (1600, 1200), 0.2  # px; wall time between two pictures
 CAMERA_FRAME, VIEW = "camera_optical_frame", "above"
 
@@ -45,18 +45,26 @@ def tag_picture(number: int, pixels: int = 16) -> np.ndarray:
     return np.pad(square, 1, constant_values=255).repeat(pixels, 0).repeat(pixels, 1)
 
 
-def scene_of(number: int) -> Episode:
-    """The objects of KINDS at places that the arena draws."""
+def names_of(kinds: Sequence[Kind]) -> dict[str, str]:
+    """The body of each object of some kinds, by the object's name."""
+    return {str(kind).lower().replace(" ", "_"): f"block{i}" for i, kind in enumerate(kinds)}
+
+
+OBJECTS = names_of(KINDS)
+
+
+def scene_of(number: int, kinds: Sequence[Kind] = KINDS) -> Episode:
+    """Four objects of some kinds at places that the arena draws."""
     drawn = generate(CONFIG, DESIGN, condition_named("train", DESIGN), 0, number)
-    blocks = (replace(b, kind=kind) for b, kind in zip(drawn.blocks, KINDS, strict=True))
+    blocks = (replace(b, kind=kind) for b, kind in zip(drawn.blocks, kinds, strict=True))
     return replace(drawn, blocks=tuple(blocks))
 
 
 class SimulatedArm:
     """Arm and objects of a scene in MuJoCo, on its own, with a tag above each object if wanted."""
 
-    def __init__(self, scene: int = 0, tags: bool = False) -> None:
-        drawn = scene_of(scene)
+    def __init__(self, scene: int = 0, tags: bool = False, kinds: Sequence[Kind] = KINDS) -> None:
+        drawn = scene_of(scene, kinds)
         looks = [look_of(block.kind) for block in drawn.blocks]
         spec = mujoco.MjSpec.from_string(mjcf(CONFIG, looks))
         for i, look in enumerate(looks):
@@ -108,9 +116,17 @@ class ArmDriver(Node):
         if self.tags:
             steady_timer(self, PICTURE_S, self.take_picture)
 
-    def place(self, scene: int) -> None:
+    def scatter(self, scene: int, kinds: Sequence[Kind] = KINDS) -> None:
+        """Put objects where a scene of the arena has them. The arm stays where it is."""
+        before = self.arm.data
+        self.place(scene, kinds)
+        now, count = self.arm.data, len(self.names)
+        now.qpos[:count], now.qvel[:count] = before.qpos[:count], before.qvel[:count]
+        mujoco.mj_forward(self.arm.model, now)
+
+    def place(self, scene: int, kinds: Sequence[Kind] = KINDS) -> None:
         """Put arm and objects where a scene of the arena begins."""
-        self.arm = SimulatedArm(scene, self.tags)
+        self.arm, self.objects = SimulatedArm(scene, self.tags, kinds), names_of(kinds)
         self.matrix = intrinsics(self.arm.model, VIEW, *SIZE)
         if self.tags:  # a new scene is a new model, and a camera belongs to its thread
             if self.camera is not None:
@@ -122,16 +138,20 @@ class ArmDriver(Node):
     def on_velocity(self, message) -> None:
         self.arm.velocity[:] = read_array("velocity", message.data, np.float64, (6,))
 
-    def step(self) -> None:
-        self.arm.advance()
+    def step(self, seconds: float = PERIOD_S) -> None:
+        self.arm.advance(seconds)
         now, data, count = now_ns(), self.arm.data, len(self.names)
         state = JointState(name=self.names)
         write_stamp(state.header.stamp, now)
         state.position, state.velocity = data.qpos[:count].tolist(), data.qvel[:count].tolist()
         self.joints.publish(state)
-        seen = {"hand": "hand"} if self.tags else {"hand": "hand", **OBJECTS}
-        moved = {name: self.arm.body(body) for name, body in seen.items()}
-        self.tf.publish(encode_transforms(moved, now))
+        self.tf.publish(encode_transforms({"hand": self.arm.body("hand")}, now))
+        if not self.tags:
+            self.see({name: self.arm.body(body) for name, body in self.objects.items()}, now)
+
+    def see(self, objects: dict[str, Body], stamp_ns: int) -> None:
+        """Tell where objects are, as if a camera had found them."""
+        self.tf.publish(encode_transforms(objects, stamp_ns))
 
     def take_picture(self) -> None:
         if self.rendering is None or self.rendering.done():

@@ -89,7 +89,8 @@ def test_the_current_speed_is_marked_and_all_can_be_pressed():
     ("label", "value", "method", "asked"),
     [("Time", "Pause", "pause", call()), ("Time", "Resume", "resume", call()),
      ("Time", "Step", "step", call()), ("Speed", "0.5", "set_speed", call(0.5)),
-     ("Begin", "Next scene", "reset", call())],
+     ("Begin", "Next scene", "reset", call()), ("Blocks", "Scatter", "scatter", call()),
+     ("Blocks", "Scattered", "scattered", call()), ("Hand", "-y", "steer", call(0, -0.1, 0))],
 )  # fmt: skip
 def test_a_button_asks_the_arm(label: str, value: str, method: str, asked: Any):
     made = Made()

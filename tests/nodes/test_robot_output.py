@@ -147,3 +147,20 @@ def test_after_a_silence_the_arm_starts_from_rest(plant, clock):
     clock.now += 1.0
     arm.output.keep()
     assert np.abs(arm.output.velocity).max() <= 2.0 * 0.1 + 1e-9, "one step up the ramp"
+
+
+def test_what_was_applied_is_the_mean_of_what_was_sent_within_ramp_and_box(plant, clock):
+    arm = plant("velocity")
+    arm.measure("")
+    arm.robot.observe(clock.now, round(clock.now * 1e9))
+    arm.output.applied()
+    speed = max(CONFIG.joint_speed_limits)
+    sent = []
+    for _ in range(5):
+        arm.output.send(np.array([speed, 0, 0, 0, 0, 0]))
+        sent.append(arm.output.velocity.copy())
+        clock.now += TICK_S
+    assert arm.output.applied() == pytest.approx(np.mean(sent, axis=0) / speed)
+    assert 0 < sent[0][0] < sent[-1][0] < speed, "the ramp is slower than the command"
+    clock.now += TICK_S
+    assert arm.output.applied() == pytest.approx(sent[-1] / speed)

@@ -36,6 +36,7 @@ COMMANDS = {
     "film": ("pa_ros.cli.film", "an agent that executes six programs, as a film"),
     "launch": ("pa_ros.cli.launch", "start nodes and show one live table"),
     "send": ("pa_ros.cli.send", "send a program to a running graph"),
+    "scatter": ("pa_ros.cli.scatter", "stop a robot that learns, to scatter its blocks"),
     "record": ("pa_ros.cli.record", "record a running graph into a rosbag2 bag"),
     "bag": ("pa_ros.cli.bag", "describe a bag; export its episodes as NPZ or as a film"),
     "play": ("pa_ros.cli.play", "publish a bag into a live graph"),
@@ -45,7 +46,7 @@ COMMANDS = {
     "demo": ("pa_ros.cli.demo", "learn over the graph, then execute programs (make run)"),
 }
 # These import rclpy.
-NEED_ROS = ("launch", "send", "record", "play", "console", "mcp", "demo")
+NEED_ROS = ("launch", "send", "scatter", "record", "play", "console", "mcp", "demo")
 ABOUT = "Programmable agents: arms that execute declarative programs."
 EXIT_REFUSED = 2  # the user's input was rejected; argparse has the same status
 EXIT_PIPE = 141  # the status that a shell gives for SIGPIPE

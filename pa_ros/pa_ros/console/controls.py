@@ -20,6 +20,11 @@ from pa_ros.tools.arm import Arm
 NO_BLOCK = "none"
 HANDLE_M = 0.25  # length of the arrows by which a block is dragged
 SPEEDS = ("0.5", "1", "2", "5")
+STEER_MPS = {  # velocity of the hand for half a second, in the base's frame, by button
+    sign + axis: tuple((0.1 if sign == "+" else -0.1) * (other == axis) for other in "xyz")
+    for axis in "xyz"
+    for sign in "-+"
+}
 NOW = "● "  # before the current speed
 
 
@@ -101,6 +106,9 @@ class Controls:
             self._speed = gui.add_button_group("Speed", SPEEDS, hint="times real time")
             episode = gui.add_number("Scene", 0, min=0, step=1, hint="number of an episode")
             begin = gui.add_button_group("Begin", ("This scene", "Next scene"))
+            hint = "of a robot that learns: it stops, and continues with the blocks where they are"
+            blocks = gui.add_button_group("Blocks", ("Scatter", "Scattered"), hint=hint)
+            hand = gui.add_button_group("Hand", (*STEER_MPS,), hint="of a robot: move it yourself")
         self._arenas.on_update(_by_hand(lambda: live.choose(self._arenas.value)))
         self._connect(time, {
             "Pause": lambda arm: arm.pause(),
@@ -111,6 +119,12 @@ class Controls:
             "This scene": lambda arm: arm.reset(int(episode.value)),
             "Next scene": lambda arm: arm.reset(),
         })  # fmt: skip
+        self._connect(blocks, {
+            "Scatter": lambda arm: arm.scatter(),
+            "Scattered": lambda arm: arm.scattered(),
+        })  # fmt: skip
+        steer = {name: methodcaller("steer", *mps) for name, mps in STEER_MPS.items()}
+        self._connect(hand, steer)
         speeds = {times: methodcaller("set_speed", float(times)) for times in SPEEDS}
         self._connect(self._speed, speeds)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from control_msgs.msg import JointJog
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -17,6 +17,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, JointState
 from simulation_interfaces import srv as simulator
 from std_msgs.msg import Bool, Float64MultiArray, String
+from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory
 from vision_msgs.msg import Detection3DArray
@@ -164,6 +165,8 @@ TF_STATIC = Topic("tf_static", TFMessage, LATCHED, LATCHED_READER)
 
 # From a robot's sensors.
 DETECTIONS = SensorTopic("detections", Detection3DArray, STEP, PICTURE)
+# A person who moves a robot's arm in the agent's place, as MoveIt Servo takes it.
+TAKEOVER = SensorTopic("takeover", TwistStamped, STEP, STEP)
 
 
 def tracked_pose(name: str) -> Topic:
@@ -195,6 +198,9 @@ SAMPLES = OBJECT_FEATURES.within("samples")
 
 RESET = ("reset", srv.Reset)
 SPEED = ("speed", srv.SetSpeed)
+# Of a robot that learns: stop, so that a person can scatter the blocks; continue with these.
+SCATTER = ("scatter", Trigger)
+RESUME = ("resume", Trigger)
 
 # Of simulation_interfaces
 DELETE_ENTITY = ("delete_entity", simulator.DeleteEntity)

@@ -11,9 +11,12 @@ from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from pa_ros.acting.execution import ENDED, HOLD_S, Result, window_s
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.language import parse, parse_goal
+from pa_ros.ros.topics import TAKEOVER
 from pa_ros.tools.client import NoAnswerError
 from pa_ros.tools.connection import Connection, Lease
 from pa_ros.tools.domain import DomainClaim
@@ -29,6 +32,7 @@ from pa_ros.wire.program import (
     decode_goal_result,
     encode_goal,
 )
+from pa_ros.wire.robot import encode_takeover
 from pa_ros.wire.services import ResetRequest, decode_outcome
 from pa_ros.wire.simulator import encode_steps_goal
 
@@ -40,6 +44,7 @@ STARTING_S = 60.0  # for nodes to start on a busy machine
 OFFER_S = 5.0  # for an agent that takes goals to be discovered
 CANCEL_S = 5.0
 RETRY_S = 0.5
+STEER_S, STEERED_S = 5.0, 0.05  # longest steering, and time between two messages of it
 UNREAD = 1000  # feedback kept for a caller that does not read it
 UNREADY, REJECTED = "goal.unready", "goal.rejected"
 NO_GOALS = (
@@ -85,6 +90,7 @@ class Arm:
         self.graph = graph or Connection(namespace, patience, domain)
         self.goal: GoalHandle | None = None
         self._made_sender: ProgramSender | None = None
+        self._takeover: Any = None  # publisher
         try:
             self.graph.join()
         except BaseException:
@@ -260,6 +266,32 @@ class Arm:
     def resume(self) -> None:
         """Let the arena's time go on."""
         self.graph.services.pause(False)
+
+    def scatter(self) -> str:
+        """Let a robot that learns stop, so that you can scatter its blocks; what it says."""
+        return self.graph.services.scatter()
+
+    def scattered(self) -> str:
+        """Let it continue to learn with the blocks as they are now; what it says."""
+        return self.graph.services.scattered()
+
+    def steer(self, x: float, y: float, z: float, seconds: float = 0.5) -> None:
+        """Move a robot's hand in the agent's place, at a velocity in the base's frame (m/s), for a
+        time of at most STEER_S. It then obeys the agent again."""
+        velocity = np.array([x, y, z], np.float64)
+        if not np.isfinite(velocity).all() or not 0 < seconds <= STEER_S:
+            raise ConfigError(
+                f"steer: expected finite velocities, for up to {STEER_S:g} s, got "
+                f"{velocity.tolist()} for {seconds!r} s"
+            )
+        graph, until = self.graph, time.monotonic() + seconds
+        if self._takeover is None:
+            self._takeover = graph.call(partial(TAKEOVER.publisher, graph.node))
+        if not graph.until(lambda: self._takeover.get_subscription_count() > 0):
+            raise NoAnswerError("steer: no robot_node hears it; arenas do not", code="arena.silent")
+        while time.monotonic() < until:
+            graph.call(partial(self._takeover.publish, encode_takeover(velocity)))
+            time.sleep(STEERED_S)
 
     def step(self, steps: int = 1) -> Scene:
         """Let a paused arena make control steps in which the agent acts, and return the scene then.

@@ -20,12 +20,22 @@ from pa_ros.ros.topics import (
     ARENA_INFO,
     GET_ENTITIES_STATES,
     RESET,
+    RESUME,
+    SCATTER,
     SET_ENTITY_STATE,
     SET_SIMULATION_STATE,
     SPEED,
     Topic,
 )
-from pa_ros.wire.services import Outcome, ResetRequest, decode_outcome, encode_reset, encode_speed
+from pa_ros.wire.services import (
+    Outcome,
+    ResetRequest,
+    decode_outcome,
+    decode_triggered,
+    encode_reset,
+    encode_speed,
+    encode_trigger,
+)
 from pa_ros.wire.simulator import (
     SimState,
     decode_places,
@@ -35,7 +45,8 @@ from pa_ros.wire.simulator import (
 
 __all__ = ["ArenaClient", "NoAnswerError", "Node", "client_node"]
 
-SERVICES = RESET, SET_SIMULATION_STATE, SPEED, GET_ENTITIES_STATES, SET_ENTITY_STATE
+SERVICES = (RESET, SET_SIMULATION_STATE, SPEED, GET_ENTITIES_STATES, SET_ENTITY_STATE, SCATTER,
+            RESUME)  # fmt: skip
 Spin = Callable[[Callable[[], bool], float], bool]
 """Spins until a condition is true or a time in seconds is over; whether it became true."""
 
@@ -140,6 +151,21 @@ class ArenaClient:
         place = Body.at_rest(np.array([x, y, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]))
         request = encode_state_change(names[1 + block], place)
         self._call(SET_ENTITY_STATE[0], request)
+
+    def scatter(self) -> str:
+        """Let a robot that learns stop for a person to scatter the blocks; what it says. Raises
+        NoAnswerError, PaError if rejected."""
+        return self._trigger(SCATTER[0])
+
+    def scattered(self) -> str:
+        """Let it continue with the blocks as they are now; what it says. Raises as `scatter`."""
+        return self._trigger(RESUME[0])
+
+    def _trigger(self, name: str) -> str:
+        done, told = decode_triggered(self._answer(name, encode_trigger()))
+        if not done:
+            raise PaError(f"{name}: rejected: {told}", code="arena.service")
+        return told
 
     def _answer(self, name: str, request: Any) -> Any:
         client, timeout_s = self._clients[name], self._timeout_s

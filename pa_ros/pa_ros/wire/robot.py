@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from control_msgs.action import GripperCommand
-from geometry_msgs.msg import Point, PoseStamped
+from geometry_msgs.msg import Point, PoseStamped, TwistStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from vision_msgs.msg import Detection3DArray
@@ -190,6 +190,24 @@ def decode_finger(message: JointState, name: str) -> float | None:
     """The position of one joint; None for a message about others."""
     return next((at for joint, at in zip(message.name, message.position, strict=False)
                  if joint == name), None)  # fmt: skip
+
+
+def decode_takeover(message: TwistStamped) -> tuple[str, Float64, Float64]:
+    """The frame, and the hand's linear (m/s) and angular (rad/s) velocity in it, [3] each. Raises
+    WireError."""
+    linear, angular = message.twist.linear, message.twist.angular
+    read = (
+        read_array(f"takeover.{name}", (one.x, one.y, one.z), np.float64, (3,), LARGEST)
+        for name, one in (("linear", linear), ("angular", angular))
+    )
+    return message.header.frame_id.removeprefix("/"), *read
+
+
+def encode_takeover(linear: Float64) -> TwistStamped:
+    """The hand's velocity [3] (m/s) in the base's frame."""
+    message = TwistStamped()
+    write_vector(message.twist.linear, linear)
+    return message
 
 
 def encode_valve(on: bool) -> Message:

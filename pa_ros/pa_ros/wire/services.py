@@ -8,6 +8,7 @@ from typing import Any
 from action_msgs.msg import GoalStatus, GoalStatusArray
 from simulation_interfaces.msg import Result
 from simulation_interfaces.srv import SetSimulationState
+from std_srvs.srv import Trigger
 
 from msgs_schema import srv
 from pa_ros.wire import WireError
@@ -95,6 +96,22 @@ def decode_outcome(response: Any) -> Outcome:
         return Outcome(code == Result.RESULT_OK or current, "", reason)
     stamp_ns = read_stamp(response.stamp) if hasattr(response, "stamp") else 0
     return Outcome(stamp_ns=stamp_ns, **SharedFields(Outcome, response).read(response))
+
+
+def encode_trigger() -> Trigger.Request:
+    """A request that says nothing but its name."""
+    return Trigger.Request()
+
+
+def encode_triggered(response: Any, success: bool, told: str) -> Any:
+    """Fill the response to such a request, and return it."""
+    response.success, response.message = success, told
+    return response
+
+
+def decode_triggered(response: Any) -> tuple[bool, str]:
+    """Whether such a request succeeded, and what its receiver says."""
+    return bool(response.success), str(response.message)
 
 
 def decode_transition(message: Any) -> tuple[int, str]:

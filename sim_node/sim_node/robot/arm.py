@@ -5,14 +5,20 @@ Without ROS. The caller gives the time of its monotonic clock.
 
 from __future__ import annotations
 
+from contextlib import suppress
+from dataclasses import replace
+
+import mujoco
 import numpy as np
 
 from pa_ros.arena.arms import ARMS
 from pa_ros.arena.errors import ArenaError
 from pa_ros.arena.kinematics import hand_controller
 from pa_ros.arena.task import GoalVerifier, scoring_of, world_of
+from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Float64, Observation, Step
-from pa_ros.language import parse_goal
+from pa_ros.language import Goal, parse_goal
+from pa_ros.language.syntax import NEAR
 from pa_ros.wire.arena import describe_robot
 from pa_ros.wire.program import ProgramRequest
 from pa_ros.wire.step import Command
@@ -22,12 +28,15 @@ from pa_ros.world.velocity import DeadReckoning
 from sim_node.robot.frames import FrameTree, Placed
 from sim_node.robot.guard import Guard
 from sim_node.robot.joints import JointHistory
+from sim_node.robot.lessons import Lessons
 from sim_node.robot.relay import SILENCE_S
-from sim_node.robot.settings import Robot, pose_of
+from sim_node.robot.settings import HAND, Robot, pose_of
 
 COMMAND_TIMEOUT_S = 0.3  # without a command the arm holds: three control periods
 ARM_TIMEOUT_S = 0.2  # greatest age of the joints and the hand
+FRESH_S = 2.0  # greatest age of the objects with which it continues to learn
 AXES = np.hstack([np.eye(3), np.tile(IDENTITY[3:], (3, 1))])  # poses, [3, 7]
+TURN_M, DAMPING = 0.2, 1e-3  # how much turning counts beside moving; m²
 HAND_M, HAND_RAD = 0.05, 0.2  # greatest differences of the measured hand and the model's
 
 
@@ -44,15 +53,21 @@ class RealArm:
         self.seen: Observation | None = None  # the newest observation
         self.holds: bool | None = None  # whether the gripper says so; None: not yet
         self.program: str = ""  # canonical text; empty: none yet
+        self.oldest_s = 0.0  # since the oldest measurement in the newest observation arrived
         self.measured: dict[str, Float64] = {}  # pose [7] in the base's frame, by object
         self.model = hand_controller(config)
-        self._kinds = robot.kinds
+        self._kinds = dict(zip(robot.objects, robot.kinds, strict=True))
+        # Names of the objects on the table: where it learns, a person says when they are there.
+        self._present = tuple(robot.objects) if settings.learning is None else ()
         hand = settings.hand_frame, pose_of(settings.hand_offset)
         things = {name: (t.source, pose_of(t.offset)) for name, t in robot.objects.items()}
-        self._sources = {"hand": hand, **things}  # frame that measures it, and its pose there
+        self._sources = {HAND: hand, **things}  # frame that measures it, and its pose there
         self._scoring = scoring_of(config, self._design, reward_from(settings.reward))
         self._verifier: GoalVerifier | None = None
-        self._program_id = ""
+        self._program_id, self._episode = "", 0
+        period_s, self.lessons = config.control_period_s, None
+        if settings.learning is not None:
+            self.lessons = Lessons(settings.learning, self._design, robot.kinds, period_s)
         # The agent learned that joints stop here, where the real ones may turn on. Only a base may
         # turn without limits.
         limits = [(joint.lower, joint.upper) for joint in ARMS[config.arm].joints]
@@ -69,6 +84,7 @@ class RealArm:
             speeds.tolist(), config.control_period_s if point else SILENCE_S
         )
         self._apart = np.zeros(3)  # m, from the model's hand to the measured one
+        self._turned = np.eye(3)  # the rotation between them
         self.about = describe_robot(
             world_of(config, self._design),
             dict(zip(self.joints.names, speeds.tolist(), strict=True)),
@@ -78,16 +94,94 @@ class RealArm:
             settings.arm,
             limits=limits,
         )
+        thresholds, reward = tuple(self._scoring.thresholds.values()), self._scoring.reward
+        self.about = replace(self.about, thresholds=thresholds, reward=reward.to_json())
+        if self.lessons is not None:
+            self.about = replace(
+                self.about,
+                training_programs=self.lessons.programs,
+                episode_steps=self.lessons.episode_steps,
+                block_count=self.lessons.blocks,
+            )
 
     # Programs
 
     def submit(self, request: ProgramRequest) -> str:
         """Put a program in force; its canonical text. Raises ProgramError; nothing changes then."""
         program = parse_goal(request.text, self._design.vocabulary)
-        schema = self._design.schema
-        self._verifier = GoalVerifier(program, self._kinds, self._scoring, schema)
+        self._verifier = self._verifier_of(program)
         self._program_id, self.program = request.program_id, str(program)
         return self.program
+
+    def _verifier_of(self, goal: Goal) -> GoalVerifier:
+        """A goal's verifier. Raises ProgramError, and ArenaError (`robot.box`) for one whose first
+        program would need the hand outside its box."""
+        kinds = [self._kinds[name] for name in self._present]
+        verifier = GoalVerifier(goal, kinds, self._scoring, self._design.schema)
+        program, box = verifier.program, self.settings.workspace
+        if not program.moves_hand or program.relation != NEAR or program.compares:
+            return verifier
+        near_m = self._scoring.threshold_of(program)
+        targets = [self.measured.get(self._present[i - 1]) for i in verifier.pursued.named]
+        places = [pose[:3] for pose in targets if pose is not None]
+        away = [float(np.linalg.norm(at - np.clip(at, box.lower, box.upper))) for at in places]
+        if len(away) == len(targets) and min(away, default=0.0) > near_m:
+            raise ArenaError(
+                f"{goal}: the hand would have to leave its box: the nearest such object is "
+                f"{min(away):.2f} m outside, and {near_m:.2f} m are near",
+                code="robot.box",
+            )
+        return verifier
+
+    # Learning
+
+    def leave_blocks(self) -> None:
+        """A person is about to scatter the blocks: where they are does not count meanwhile."""
+        self._present, self._verifier, self.program = (), None, ""
+
+    def take_blocks(self, now_s: float) -> tuple[str, ...]:
+        """A person has scattered the blocks: from now on those count that are measured. Raises
+        ArenaError (`robot.blocks`) unless it is as many as robot.yaml says; their names."""
+        assert self.lessons is not None
+        there, oldest = [], min(self.settings.objects_timeout_s, FRESH_S)
+        for name in self._kinds:
+            with suppress(ArenaError):
+                placed = self.frames.pose(self.settings.base_frame, self._sources[name][0])
+                there += [name] if now_s - placed.arrived_s <= oldest else []
+        if len(there) != self.lessons.blocks:
+            raise ArenaError(
+                f"expected {self.lessons.blocks} objects on the table, as learning.blocks says, "
+                f"got {len(there)}: {', '.join(there) or 'none'} measured in the last {oldest:g} s",
+                code="robot.blocks",
+            )
+        self._present = tuple(there)
+        self.lessons.scattered()
+        return self._present
+
+    def begin_episode(self, stamp_ns: int) -> Step:
+        """Where the arm is, the first step of the next episode, under a training program that does
+        not hold yet. Raises ArenaError (`robot.programs`) if there is none."""
+        assert self.lessons is not None and self.seen is not None
+        seen = self.seen
+        for program in self.lessons.order():
+            try:
+                verifier = self._verifier_of(program)
+            except PaError:  # not with these blocks
+                continue
+            verdict = verifier.verdict(seen.objects, seen.hand_pose)
+            if verdict.satisfied:
+                continue
+            self._verifier, self.program = verifier, str(program)
+            self._episode += 1
+            self._program_id = f"{self.about.arena_id}/{self._episode}"
+            first = replace(seen, episode=self._episode, step=0, stamp_ns=stamp_ns)
+            self.seen = replace(first, program_id=self._program_id)
+            return Step(self.seen, verdict, self.program, arena_id=self.about.arena_id)
+        raise ArenaError(
+            "learning: expected a training program that does not hold yet, names an object on the "
+            "table, and can be reached within the box; got none: scatter the blocks",
+            code="robot.programs",
+        )
 
     # Observations
 
@@ -102,14 +196,28 @@ class RealArm:
             raise ArenaError(_late("joint_states", now_s - joints.arrived_s), "robot.joints")
         position = self._as_learned(joints.position)
         self._apart = self._check_model(position, hand)
-        self.believed.measured(joints.position, now_s - at_hand.arrived_s, now_s)
-        objects = objects_from_poses(self._design.schema, self._kinds, np.array(poses))
+        late_s = now_s - at_hand.arrived_s + self.settings.arm_delay_s
+        self.believed.measured(joints.position, late_s, now_s)
+        velocity = joints.velocity
+        if self.settings.arm_delay_s:
+            position, velocity = self._as_learned(self.believed.position), self.believed.velocity
+            hand = poses[0] = self._hand_at(position)
+        kinds = [self._kinds[name] for name in self._present]
+        objects = objects_from_poses(self._design.schema, kinds, np.array(poses))
         step = 0 if self.seen is None else self.seen.step + 1
         hand = self._with_grip(hand)
-        measured = objects, position, joints.velocity, 0, self._program_id, hand
-        self.seen = Observation(0, step, stamp_ns, *measured)
-        verdict = self._verifier.verdict(objects, hand) if self._verifier else None
+        measured = objects, position, velocity, 0, self._program_id, hand
+        self.seen = Observation(self._episode, step, stamp_ns, *measured)
+        over = self.lessons is not None and step >= self.lessons.episode_steps
+        verdict = self._verifier.verdict(objects, hand, over) if self._verifier else None
         return Step(self.seen, verdict, self.program, arena_id=self.about.arena_id)
+
+    def _hand_at(self, position: Float64) -> Float64:
+        """The hand's pose [7] when the joints will be there, as far off the model's as measured."""
+        model, quaternion = self.model.hand(position), np.zeros(4)
+        mujoco.mju_mat2Quat(quaternion, (self._turned @ model.turn).ravel())
+        quaternion = np.roll(quaternion, -1) * np.copysign(1.0, quaternion[0])
+        return np.concatenate([model.place + self._apart, quaternion])
 
     def _with_grip(self, hand: Float64) -> Float64:
         """The hand's pose, and of a gripper whether it holds something. Raises ArenaError."""
@@ -130,9 +238,10 @@ class RealArm:
 
         Raises one ArenaError for all that is missing.
         """
-        self.measured, missing, hand = {}, [], Placed(IDENTITY)
-        for name, (frame, offset) in self._sources.items():
-            oldest = ARM_TIMEOUT_S if name == "hand" else self.settings.objects_timeout_s
+        self.measured, missing, hand, ages = {}, [], Placed(IDENTITY), [0.0]
+        for name in (HAND, *self._present):
+            frame, offset = self._sources[name]
+            oldest = ARM_TIMEOUT_S if name == HAND else self.settings.objects_timeout_s
             try:
                 placed = self.frames.pose(self.settings.base_frame, frame)
             except ArenaError as error:
@@ -141,11 +250,13 @@ class RealArm:
             if now_s - placed.arrived_s > oldest:
                 missing.append(_late(name, now_s - placed.arrived_s))
                 continue
-            hand = placed if name == "hand" else hand
+            hand = placed if name == HAND else hand
+            ages.append(now_s - placed.arrived_s)
             pose = self.measured[name] = in_base(placed.pose, offset)
             pose[3:] *= np.copysign(1.0, pose[6])
         if missing:
             raise ArenaError("; ".join(missing), code="robot.poses")
+        self.oldest_s = max(ages)
         return hand
 
     def _check_model(self, position: Float64, hand: Float64) -> Float64:
@@ -161,9 +272,23 @@ class RealArm:
                 "base_frame, hand_frame and hand_offset",
                 code="robot.model",
             )
+        self._turned = turn.T @ model.turn.T
         return hand[:3] - model.place
 
     # Commands
+
+    def twist(self, linear: Float64, angular: Float64, in_hand: bool) -> Float64:
+        """The joint velocities [J] (rad/s) by which the hand moves so: m/s and rad/s [3] each, in
+        the base's frame or the hand's. Raises ArenaError (`robot.poses`) before it was measured."""
+        if self.seen is None:
+            raise ArenaError("takeover: expected an arm that is measured", code="robot.poses")
+        hand = self.model.hand(self.seen.joint_position)
+        turn = hand.turn if in_hand else np.eye(3)
+        wanted = np.concatenate([turn @ linear, TURN_M * (turn @ angular)])
+        rows = np.concatenate([hand.jacobian[:3], TURN_M * hand.jacobian[3:]])
+        square = rows @ rows.T + DAMPING * np.eye(len(rows))
+        velocity = rows.T @ np.linalg.solve(square, wanted)
+        return np.asarray(velocity / max(1.0, np.abs(velocity / self.about.speed_limits).max()))
 
     def velocity(self, command: Command) -> Float64:
         """The joint velocities [J] (rad/s) that a command wants. Raises ArenaError

@@ -10,12 +10,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import Field
 
 from pa_ros.arena.errors import ArenaError
 from pa_ros.core.clock import now_ns
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import AgentKey, Step
+from pa_ros.core.experience import PERSON, AgentKey, CommandKey, Executed, Step
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import ERROR, OK, WARN
@@ -23,18 +24,20 @@ from pa_ros.ros.lifecycle import ManagedNode
 from pa_ros.ros.peers import PeerMonitor, is_restarted_agent
 from pa_ros.ros.refusals import RateLimiter, answer_program
 from pa_ros.ros.settings import NodeSettings
-from pa_ros.wire import Message
+from pa_ros.wire import Message, WireError
 from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.program import decode_program, encode_program_status
 from pa_ros.wire.robot import (
     Measurement,
     decode_detections,
     decode_driver_joints,
+    decode_takeover,
     decode_tracked,
     decode_transforms,
     encode_table,
 )
-from pa_ros.wire.step import decode_command, encode_step
+from pa_ros.wire.services import encode_triggered
+from pa_ros.wire.step import Command, decode_command, encode_step
 from sim_node.robot.arm import COMMAND_TIMEOUT_S, RealArm
 from sim_node.robot.frames import Placed
 from sim_node.robot.gripper import RobotGripper
@@ -100,6 +103,13 @@ class RobotNode(ManagedNode):
             self._listen(topics.DETECTIONS, self._on_detections)
         for topic in {thing.topic for thing in things if thing.topic}:
             self._listen(topics.tracked_pose(topic), partial(self._on_pose, topic))
+        self._answered: Command | None = None  # an agent's, to the newest step
+        self._taken_at = -math.inf  # when a person moved the arm last
+        self._awaits_blocks, self._begins = self.arm.lessons is not None, False
+        if self.arm.lessons is not None:
+            self._serve(topics.SCATTER, self._ask_for_blocks)
+            self._serve(topics.RESUME, self._resume)
+        self._listen(topics.TAKEOVER, self._on_takeover)
         self.subscribe(topics.PROGRAM, self._on_program)
         self.subscribe(topics.JOINT_COMMANDS, self._on_command)
 
@@ -107,6 +117,11 @@ class RobotNode(ManagedNode):
         steady_timer(self, SHOW_S, self._show)
         sends = "sends nothing (dry_run)" if robot.settings.dry_run else "moves the arm when active"
         self.get_logger().info(f"{self.config.robot}: {len(robot.objects)} objects; {sends}")
+        if self.arm.lessons is not None:
+            held_out = ", ".join(self.arm.lessons.held_out) or "none"
+            self.get_logger().info(
+                f"learns {len(self.arm.lessons.programs)} programs; held out: {held_out}"
+            )
 
     def _start_relay(self) -> Relay | None:
         """The process that stops the arm if this one cannot; a trajectory ends by itself."""
@@ -180,14 +195,93 @@ class RobotNode(ManagedNode):
         except ArenaError as error:  # the other measurements of a message count
             self.refusals.refuse(topic, error)
 
+    # Learning without resets
+
+    def _serve(self, service: tuple[str, Any], act: Callable[[], str]) -> None:
+        """Answer a service of std_srvs/Trigger; a PaError is its answer, too."""
+
+        def answer(_request: Message, response: Any) -> Any:
+            try:
+                return encode_triggered(response, True, act())
+            except PaError as error:
+                self.refusals.refuse(service[0], error)
+                return encode_triggered(response, False, str(error))
+
+        self.create_service(service[1], service[0], answer)
+
+    def _ask_for_blocks(self) -> str:
+        """Stop, and wait until a person has scattered the blocks."""
+        self._awaits_blocks = True
+        self.arm.leave_blocks()
+        return "the arm holds: scatter the blocks, then resume"
+
+    def _resume(self) -> str:
+        """Continue with the blocks as they are now."""
+        there = self.arm.take_blocks(time.monotonic())
+        self._awaits_blocks, self._begins = False, True
+        return f"continues with {', '.join(there)}"
+
+    def _begin_episode(self) -> None:
+        try:
+            # Later than the step that ended the last episode: each step has a stamp of its own.
+            self._step = self.arm.begin_episode(self._stamp_ns + 1)
+        except PaError as error:
+            self.refusals.refuse("learning", error)
+            self._ask_for_blocks()
+        else:
+            self._features.publish(encode_step(self._step))
+
+    def _publish(self, step: Step) -> None:
+        """Publish a step and, where it ends an episode, the first step of the next one."""
+        lessons, self._begins, begins = self.arm.lessons, False, self._begins
+        if not begins:
+            self._features.publish(encode_step(step))
+            if lessons is not None and step.verdict is not None:
+                lessons.count(step.verdict, step.executed is None)
+            if step.verdict is None or not step.verdict.truncated or lessons is None:
+                return
+            if lessons.scatter_is_due:
+                self._ask_for_blocks()
+                return
+        self._begin_episode()
+
+    def _on_takeover(self, payload: bytes) -> None:
+        message = topics.TAKEOVER.parse(payload)
+        if message is None:
+            return
+        frame, linear, angular = decode_takeover(message)
+        settings = self.arm.settings
+        if frame not in ("", settings.base_frame, settings.hand_frame):
+            expected = f"{settings.base_frame!r} or {settings.hand_frame!r}"
+            raise WireError("takeover.header.frame_id", expected, repr(frame), "wire.frame")
+        self._check_obeys()
+        velocity = self.arm.twist(linear, angular, frame == settings.hand_frame)
+        self.output.send(velocity)
+        self._taken_at = self._commanded_at = time.monotonic()
+
+    @property
+    def _is_taken(self) -> bool:
+        return time.monotonic() - self._taken_at <= COMMAND_TIMEOUT_S
+
+    def _executed(self) -> Executed | None:
+        """What the arm did since the last step, if one command led to it; call once per step."""
+        applied, answered = self.output.applied(), self._answered
+        self._answered = None
+        if answered is None or self.arm.settings.dry_run:
+            return None
+        action = np.append(applied, answered.action[len(applied) :]).astype(np.float32)
+        agent = PERSON if self._is_taken else answered.agent_id
+        return Executed(CommandKey(agent, answered.incarnation, answered.number), action)
+
     # A control step: observation out, command in
 
     def _step_once(self) -> None:
-        self._stamp_ns = now_ns()
+        self._stamp_ns, executed = now_ns(), self._executed()
         was_lost = self._loss is not None
         try:
             self.output.check()
-            self._step, self._loss = self.arm.observe(time.monotonic(), self._stamp_ns), None
+            seen = self.arm.observe(time.monotonic(), self._stamp_ns)
+            self._step, self._loss = replace(seen, executed=executed), None
         except PaError as error:
             self._loss = error
             if self.active and not was_lost:
@@ -195,9 +289,10 @@ class RobotNode(ManagedNode):
             if self.active and self.gripper is not None:
                 self.gripper.lost()
         else:
-            if self.active:
-                self._features.publish(encode_step(self._step))
-        if self._loss is not None or not self.active or self._commands_are_late():
+            if self.active and not self._awaits_blocks:
+                self._publish(self._step)
+        halted = self._loss is not None or not self.active or self._awaits_blocks
+        if halted or self._commands_are_late():
             self.output.rest()
         else:
             self.output.keep()
@@ -207,14 +302,25 @@ class RobotNode(ManagedNode):
         agent = AgentKey(command.agent_id, command.incarnation)
         if not self._agents.received(agent, agent):
             return  # the diagnostics name this second agent
+        self._check_obeys()
+        velocity = self.arm.velocity(command)
+        if self.arm.seen is not None and command.stamp_ns == self.arm.seen.stamp_ns:
+            self._answered = command
+        if self._is_taken:
+            return  # a person moves the arm
+        self.output.send(velocity)
+        if self.gripper is not None:
+            self.gripper.switch(on=bool(command.action[-1] > 0))
+        self._commanded_at = time.monotonic()
+
+    def _check_obeys(self) -> None:
+        """Raise PaError unless the arm may move now."""
         if not self.active:
             raise ArenaError(f"expected an active robot_node, got {self.state}", "robot.inactive")
         if self._loss is not None:
             raise self._loss
-        self.output.send(self.arm.velocity(command))
-        if self.gripper is not None:
-            self.gripper.switch(on=bool(command.action[-1] > 0))
-        self._commanded_at = time.monotonic()
+        if self._awaits_blocks:
+            raise ArenaError(f"expected {topics.RESUME[0]} before the arm moves", "robot.scatter")
 
     def _commands_are_late(self) -> bool:
         return time.monotonic() - self._commanded_at > COMMAND_TIMEOUT_S
@@ -247,7 +353,11 @@ class RobotNode(ManagedNode):
             "dry_run": str(self.arm.settings.dry_run).lower(),
             "step": str(self._step.observation.step if self._step else -1),
             "program": self.arm.program,
+            "oldest_s": f"{self.arm.oldest_s:.2f}",
+            "moved_by": PERSON if self._is_taken else "an agent",
         }
+        if self.arm.lessons is not None:
+            values |= self.arm.lessons.report()
         return *self._status_line(), values
 
     def _status_line(self) -> tuple[int, str]:
@@ -255,6 +365,8 @@ class RobotNode(ManagedNode):
             return ERROR, self._agents.fault
         if self._loss is not None:
             return ERROR, f"holds: {self._loss}"
+        if self._awaits_blocks:
+            return WARN, "holds: scatter the blocks, then press resume (pa_ros scatter)"
         if not self.arm.program:
             return OK, f"waits for a program ({topics.PROGRAM.name})"
         if self._commands_are_late():

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 DRY_RUN = "dry_run"
+TINY_S = 1e-6
 
 
 class RobotOutput:
@@ -34,13 +35,27 @@ class RobotOutput:
         self._out: Any = (topic.within(DRY_RUN) if arm.settings.dry_run else topic).publisher(node)
         self._ramp = VelocityRamp([1.0] * len(arm.joints.names), arm.settings.max_acceleration)
         self._wanted = self._ramp.velocity
-        self._sent_at = time.monotonic()
+        self._sent_at = self._counted_at = self._asked_at = time.monotonic()
+        self._moved = np.zeros(len(arm.joints.names))  # rad, by what was sent since `applied`
         self._rests = 0  # messages to send still, once the arm is at rest
 
     @property
     def velocity(self) -> Float64:
         """What was sent last, [J] rad/s, in the agent's signs."""
         return self._ramp.velocity
+
+    def applied(self) -> Float64:
+        """The mean of what was sent since the last call, as shares of the joints' limits, [J]."""
+        now = time.monotonic()
+        self._count(now)
+        took_s, self._asked_at = max(now - self._asked_at, TINY_S), now
+        mean, self._moved = self._moved / took_s, np.zeros_like(self._moved)
+        return np.asarray(np.clip(mean / self._arm.about.speed_limits, -1.0, 1.0))
+
+    def _count(self, now: float) -> None:
+        """Add how far the arm has moved at the velocity sent last."""
+        self._moved += self._ramp.velocity * (now - self._counted_at)
+        self._counted_at = now
 
     def check(self) -> None:
         """Raises PaError (`robot.relay`) while the relay fails; then only `rest` helps."""
@@ -51,6 +66,7 @@ class RobotOutput:
         """Approach joint velocities [J] (rad/s) as fast as the limits allow."""
         self._wanted, self._rests = velocity, RESTS
         now, period_s = time.monotonic(), self._arm.about.control_period
+        self._count(now)
         elapsed_s, self._sent_at = now - self._sent_at, now
         if elapsed_s > SILENCE_S:
             self._ramp.velocity[:] = 0.0  # the arm came to rest meanwhile

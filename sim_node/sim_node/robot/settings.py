@@ -94,6 +94,22 @@ class GripperSettings(Settings):
         return self
 
 
+class LessonSettings(Settings):
+    """How an arm learns on its own table, without being reset."""
+
+    programs: tuple[str, ...] = Field(
+        (), description="training programs; empty: the design's, which hold out some"
+    )
+    blocks: int = Field(
+        0, ge=0, lt=MAX_OBJECTS, description="objects on the table at once; 0: all of the file"
+    )
+    episode_s: float = Field(10.0, gt=0, le=1e4, description="time for one program")
+    scatter_every_min: float = Field(
+        10.0, ge=0, le=1e4, description="after which a person scatters the blocks; 0: never"
+    )
+    seed: int = Field(0, ge=0, description="of the order of programs")
+
+
 class RobotSettings(ArenaChoice):
     """The settings of robot.yaml but for its joints and objects."""
 
@@ -111,6 +127,11 @@ class RobotSettings(ArenaChoice):
         True, description="stop the arm if robot_node dies; false: its controller does so"
     )
     gripper: GripperSettings | None = Field(None, description="of an arm that holds things")
+    arm_delay_s: float = Field(
+        0.0, ge=0, le=0.5, description="from a command to the motion; agents see the arm as it "
+        "will be then",
+    )  # fmt: skip
+    learning: LessonSettings | None = Field(None, description="where the arm is to learn")
     objects_timeout_s: float = Field(
         0.5, gt=0, le=60, description="greatest age of an object's pose"
     )
