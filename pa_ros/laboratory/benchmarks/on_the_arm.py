@@ -1,0 +1,346 @@
+"""An arm that learns without being reset, through the standard topics alone (docs/robot.md): the
+frames, minutes and scatters that it needs, and how well its hand was kept in its box.
+
+The arm is simulated, late, noisy and lossy. Unless `--real-time`, its clock waits for the nodes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections import deque
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from rosgraph_msgs.msg import Clock
+
+from laboratory.benchmarks.paced_robot import PACED
+from pa_ros.agents import greedy
+from pa_ros.arena import ReachTask, design_named
+from pa_ros.bags.experience import Experience
+from pa_ros.bags.reader import Bag
+from pa_ros.bags.verify import verify
+from pa_ros.core.errors import PaError
+from pa_ros.core.experience import Body, PolicySnapshot
+from pa_ros.core.extensions import load
+from pa_ros.core.text import Report
+from pa_ros.evaluation.evaluate import TRAINING_SCORES_SEED, run_episodes
+from pa_ros.ros import topics
+from pa_ros.ros.executor import release, spin_until, steady_timer
+from pa_ros.tools.domain import use_free_domain
+from pa_ros.wire import Message
+from pa_ros.wire.diagnostics import decode_diagnostics
+from pa_ros.wire.fields import write_stamp
+from pa_ros.wire.learning import decode_weights
+
+EXAMPLES = Path(__file__).parents[3] / "docs/examples"
+(SIMULATED,) = load([str(EXAMPLES / "simulated_arm.py")])
+PERIOD_S, DRIVER_S = 0.1, 0.05  # of control, and of the driver where the clock is paced
+MARGIN_M = 0.02  # of the box (docs/robot.md)
+TINY = 1e-6  # rad/s
+REACHED, FEW_SCENES, KEEP_FRAMES = 0.9, 20, 3000  # what is solved; how often that is looked at
+STUCK_S, LOOK_S = 2.0, 0.5  # wall time
+STARTED_NS = 1_000_000_000_000
+
+
+@dataclass(frozen=True)
+class Faults:
+    """What is wrong with the arm and its sensors."""
+
+    pictures_s: float = 0.1  # from a picture to its objects' poses
+    reacts_s: float = 0.0  # from a command to its motion
+    noise_m: float = 0.005  # standard deviation of each coordinate of an object
+    noise_rad: float = np.deg2rad(2.0)  # of its turn about each axis
+    lost: float = 0.02  # chance in a second that an object is lost for one
+    dropped: float = 0.02  # share of messages, in and out
+
+
+class RehearsedArm(SIMULATED.ArmDriver):  # type: ignore[misc,name-defined]
+    """The simulated arm with faults, whose true motion is watched all the time."""
+
+    def __init__(
+        self, kinds: Any, faults: Faults, seed: int, box: Any, scale: float, paced: bool
+    ) -> None:
+        self.rng, self.faults = np.random.default_rng(seed), faults
+        self.all_kinds, self.paced, self.now_ns = kinds, paced, STARTED_NS
+        self.scale, self.entered = scale, False  # of speed; the hand has been in its box
+        self.late: deque[tuple[int, Any]] = deque()  # velocities, and when they count
+        self.seen: deque[tuple[int, dict[str, Body]]] = deque()
+        self.lost: dict[str, int] = {}  # until when
+        self.box, self.outside_m, self.too_fast, self.samples, self.fastest = box, 0.0, 0, 0, 0.0
+        if paced:
+            own = {"steady_timer": lambda *_: None, "now_ns": lambda: self.now_ns}
+            vars(SIMULATED).update(own)
+        super().__init__()
+        self.scenes = 0
+        self.scatter_next()
+        self.clock = topics.ROS_CLOCK.publisher(self)
+        if paced:
+            PACED.subscribe(self, self.on_done)
+            steady_timer(self, LOOK_S, self.unstick)
+        self.moved_at = time.monotonic()
+
+    def scatter_next(self) -> None:
+        """Scatter blocks as a person would: four of all, at new places."""
+        kinds = [self.all_kinds[i] for i in self.rng.permutation(len(self.all_kinds))[:4]]
+        self.scenes += 1
+        self.scatter(1000 + self.scenes, kinds)
+
+    # Time
+
+    def on_done(self, message: Any) -> None:
+        done_ns, awaited_ns, answered_ns = map(int, message.data)
+        if done_ns == self.now_ns and answered_ns >= awaited_ns:
+            self.tick()
+
+    def unstick(self) -> None:
+        if time.monotonic() - self.moved_at > STUCK_S:
+            self.tick()
+
+    def tick(self) -> None:
+        self.moved_at = time.monotonic()
+        self.now_ns += round(DRIVER_S * 1e9)
+        self.step(DRIVER_S)
+        message = Clock()
+        write_stamp(message.clock, self.now_ns)
+        self.clock.publish(message)
+
+    # Faults
+
+    @property
+    def drops(self) -> bool:
+        return bool(self.rng.random() < self.faults.dropped)
+
+    def on_velocity(self, message: Any) -> None:
+        limits = self.scale * np.array(SIMULATED.CONFIG.joint_speed_limits)
+        self.too_fast += bool((np.abs(message.data) > limits + TINY).any())
+        if not self.drops:
+            self.late.append((SIMULATED.now_ns() + int(self.faults.reacts_s * 1e9), message))
+
+    def step(self, seconds: float = SIMULATED.PERIOD_S) -> None:
+        while self.late and self.late[0][0] <= SIMULATED.now_ns():
+            super().on_velocity(self.late.popleft()[1])
+        super().step(seconds)
+        hand, speeds = self.arm.body("hand").position, self.arm.data.qvel[: self.arm.joints]
+        lower, upper = self.box
+        outside = float(np.max([hand - upper, lower - hand]))
+        self.samples, self.entered = self.samples + 1, self.entered or outside <= 0
+        if self.entered:
+            self.outside_m = max(self.outside_m, outside - MARGIN_M)
+        limits = self.scale * np.array(SIMULATED.CONFIG.joint_speed_limits)
+        self.fastest = max(self.fastest, float(np.max(np.abs(speeds) / limits)))
+
+    def see(self, objects: dict[str, Body], stamp_ns: int) -> None:
+        faults, rng = self.faults, self.rng
+        seconds = DRIVER_S if self.paced else SIMULATED.PERIOD_S
+        for name in objects:
+            if rng.random() < faults.lost * seconds:
+                self.lost[name] = stamp_ns + 1_000_000_000
+        found = {
+            name: self.noisy(body)
+            for name, body in objects.items()
+            if self.lost.get(name, 0) <= stamp_ns
+        }
+        self.seen.append((stamp_ns, found))
+        while self.seen and self.seen[0][0] + int(faults.pictures_s * 1e9) <= stamp_ns:
+            when_ns, then = self.seen.popleft()
+            if then and not self.drops:
+                super().see(then, when_ns)
+
+    def noisy(self, body: Body) -> Body:
+        place = body.position + self.rng.normal(0, self.faults.noise_m, 3)
+        turn = body.quaternion.copy()
+        turn[:3] += self.rng.normal(0, self.faults.noise_rad / 2, 3)
+        return Body.at_rest(place, turn / np.linalg.norm(turn))
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the benchmark's options."""
+    parser.add_argument("--design", default="2-L", help="what is learned (%(default)s)")
+    parser.add_argument("--seeds", type=int, default=1, help="how many runs (%(default)s)")
+    parser.add_argument("--first-seed", type=int, default=0, help="of them (%(default)s)")
+    parser.add_argument("--frames", type=int, default=36_000, help="of a run (%(default)s)")
+    parser.add_argument("--minutes", type=float, default=10.0, help="between two scatters")
+    parser.add_argument("--scenes", type=int, default=50, help="of each score (%(default)s)")
+    parser.add_argument("--reacts", type=float, default=0.1, help="delay of the arm, s")
+    parser.add_argument("--told", type=float, default=0.1, help="arm_delay_s in robot.yaml")
+    parser.add_argument("--floor", type=float, default=0.02, help="of the box, m")
+    parser.add_argument("--scale", type=float, default=1.0, help="of speed: speed_scale")
+    parser.add_argument("--ramp", type=float, default=0.0, help="max_acceleration, rad/s²")
+    parser.add_argument("--shake", type=float, default=4.0, help="exploration.acceleration")
+    parser.add_argument("--real-time", action="store_true", help="do not pace the clock")
+    parser.add_argument("--bag", type=Path, help="folder for a recording of each run")
+
+
+def run(options: argparse.Namespace) -> Report:
+    """The worst of the seeds' scores in new scenes, and the means of what they needed."""
+    import rclpy
+
+    from pa_ros.ros.environment import prepare_environment
+
+    os.environ.pop("ROS_DOMAIN_ID", None)
+    use_free_domain()
+    prepare_environment()
+    runs = []
+    for seed in range(options.first_seed, options.first_seed + options.seeds):
+        rclpy.init(args=[])
+        try:
+            one = _learn(options, seed)
+        finally:
+            rclpy.try_shutdown()
+        print(f"seed {seed}: {one}", flush=True)
+        runs.append(one)
+    worst = {"held_out_worst": min, "relearned": min, "outside_box_mm": max, "above_speed": max,
+             "fastest_joint": max}  # fmt: skip
+    return {
+        f"arm.{name}": float(worst.get(name, np.mean)([one[name] for one in runs]))
+        for name in runs[0]
+    }
+
+
+def _learn(options: argparse.Namespace, seed: int) -> dict[str, float]:
+    """Learn with one seed on an arm of its own."""
+    design = design_named(options.design)
+    described = yaml.safe_load((EXAMPLES / "robot.yaml").read_text())
+    names = {kind: str(kind).lower().replace(" ", "_") for kind in design.pool}
+    described |= {
+        "dry_run": False,
+        "relay": options.real_time,
+        "arm_delay_s": options.told,
+        "speed_scale": options.scale,
+        "max_acceleration": options.ramp,
+        "design": options.design,
+        "objects": {n: {"words": [*k.values()], "frame": n} for k, n in names.items()},
+        "learning": {"blocks": 4, "scatter_every_min": options.minutes, "seed": seed},
+    }
+    described["workspace"]["lower"][2] = options.floor
+    box = tuple(np.array(described["workspace"][end]) for end in ("lower", "upper"))
+    faults = replace(Faults(), reacts_s=options.reacts)
+    arm = RehearsedArm(list(names), faults, seed, box, options.scale, not options.real_time)
+    started: list[Any] = []
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "robot.yaml"
+        file.write_text(yaml.safe_dump(described, sort_keys=False))
+        robot = "sim_node.robot.main" if options.real_time else "laboratory.benchmarks.paced_robot"
+        commands = [
+            [robot, "--ros-args", "-p", f"robot:={file}", "-p", "autostart:=true"],
+            ["learner_node.main", "--ros-args", "-p", f"out:={folder}/run", "-p", f"seed:={seed}",
+             "-p", f"learner.exploration.acceleration:={options.shake}"],
+            ["agent_node.main", "--ros-args", "-p", "learning:=true", "-p", "weights:=topic",
+             "-p", f"seed:={seed}"],
+        ]  # fmt: skip
+        if options.bag is not None:
+            options.bag.mkdir(parents=True, exist_ok=True)
+            commands.insert(0, ["pa_ros", "record", str(options.bag / str(seed))])
+        try:
+            started = [subprocess.Popen([sys.executable, "-P", "-m", *one]) for one in commands]
+            found = _Session(arm, options, design).run()
+        finally:
+            for process in reversed(started):
+                process.terminate()
+                process.wait()
+            arm.close()
+            release(arm)
+            arm.destroy_node()
+    if options.bag is not None:
+        with Bag(options.bag / str(seed)) as bag:
+            told = verify(Experience.read(bag), arena=False)
+        found["relearned"] = float(told.equal)
+        print(f"bag: {told.compared} versions of the weights are equal {told.difference}"
+              f"{told.incomplete}", flush=True)  # fmt: skip
+    return found
+
+
+class _Session:
+    """A person beside the arm, who scatters the blocks when asked, and looks at the scores."""
+
+    def __init__(self, arm: RehearsedArm, options: argparse.Namespace, design: Any) -> None:
+        self.arm, self.options = arm, options
+        self.frames, self.asked, self.scattered, self.answer = 0, False, False, None
+        self.policy: PolicySnapshot | None = None
+        self.needed: tuple[int, int] | None = None  # frames and scatters; it stays solved then
+        self.kept: list[tuple[int, int, PolicySnapshot]] = []  # with their frames and scatters
+        speeds = tuple(options.scale * np.array(SIMULATED.CONFIG.joint_speed_limits))
+        arena = SIMULATED.CONFIG.changed(joint_speed_limits=speeds)
+        self.task = ReachTask(arena, design, TRAINING_SCORES_SEED)
+        self.resume = arm.create_client(topics.RESUME[1], topics.RESUME[0])
+        self.next = KEEP_FRAMES
+        topics.DIAGNOSTICS.subscribe(arm, self.on_diagnostics)
+        topics.POLICY_WEIGHTS.subscribe(arm, self.on_weights)
+        steady_timer(arm, LOOK_S, self.help)
+
+    def on_diagnostics(self, message: Message) -> None:
+        for entry in decode_diagnostics(message):
+            self.frames = int(float(entry.values.get("frames", self.frames)))
+            if "steps_to_scatter" in entry.values or "scatter the blocks" in entry.message:
+                self.asked = "scatter the blocks" in entry.message
+
+    def on_weights(self, message: Message) -> None:
+        try:
+            self.policy = decode_weights(message).snapshot
+        except PaError as error:
+            print(error)
+
+    def help(self) -> None:
+        """Scatter the blocks if the robot asks for it, and press resume until it continues."""
+        if not self.asked:
+            self.answer, self.scattered = None, False
+        elif not self.scattered:
+            self.scattered = True
+            if self.frames:
+                self.arm.scatter_next()
+        elif self.answer is None and self.resume.service_is_ready():
+            self.answer = self.resume.call_async(self.resume.srv_type.Request())
+        elif self.answer is not None and self.answer.done() and not self.answer.result().success:
+            print(self.answer.result().message, flush=True)
+            self.answer = None
+        if self.frames >= self.next and self.policy is not None:
+            self.kept.append((self.frames, self.arm.scenes - 1, self.policy))
+            self.next = self.frames + KEEP_FRAMES
+            if self.arm.paced:  # else the arm would stand still meanwhile
+                self.score_kept()
+
+    def score_kept(self) -> None:
+        for frames, scatters, policy in self.kept:
+            share = self.score(policy, FEW_SCENES)
+            print(f"{frames} frames, {scatters} scatters: held out {share:.2f}", flush=True)
+            self.needed = (self.needed or (frames, scatters)) if share >= REACHED else None
+        self.kept.clear()
+
+    def score(self, policy: PolicySnapshot, scenes: int) -> float:
+        """Share of new scenes in which the hand ends at what held-out words name."""
+        act = greedy(policy, self.task.config)
+        condition = "eval" if self.task.design.held_out else "train"
+        play = run_episodes(self.task, lambda seen: act(seen, self.task.program), condition, scenes)
+        return float(np.mean([score.success for score in play]))
+
+    def run(self) -> dict[str, float]:
+        arm, frames = self.arm, self.options.frames
+        began = time.monotonic()
+        arm.moved_at = 0.0  # the clock begins
+        # Twice the arm's own time, and time to start.
+        limit_s = frames * PERIOD_S * 2 + 600
+        if not spin_until(arm, lambda: self.frames >= frames, limit_s):
+            print(f"expected {frames} frames in {limit_s:g} s, got {self.frames}")
+        wall_s = time.monotonic() - began
+        self.score_kept()
+        assert self.policy is not None
+        needed, scatters = self.needed or (frames, arm.scenes - 1)
+        return {
+            "held_out_worst": self.score(self.policy, self.options.scenes),
+            "frames": needed,
+            "minutes": needed * PERIOD_S / 60,
+            "scatters": scatters,
+            "outside_box_mm": 1e3 * max(arm.outside_m, 0.0),
+            "above_speed": arm.too_fast,
+            "fastest_joint": arm.fastest,
+            "samples": arm.samples,
+            "wall_s": wall_s,
+        }
