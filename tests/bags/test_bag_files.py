@@ -45,7 +45,7 @@ def test_a_namespace_selects_one_of_several_topics(tmp_path):
         assert bag.topic_of(TOPIC.type_name, "left") == "/left/program"
         with pytest.raises(BagError, match="msgs_schema/msg/Program, got /left/.*choose"):
             bag.topic_of(TOPIC.type_name)
-        with pytest.raises(BagError, match="msgs_schema/msg/Program below /middle/, got"):
+        with pytest.raises(BagError, match="msgs_schema/msg/Program below /middle/, got /left/"):
             bag.topic_of(TOPIC.type_name, "middle")
 
 
