@@ -33,8 +33,9 @@ def replay() -> ReplayBuffer:
     return replay
 
 
-def hindsight(**shares: float) -> Hindsight:
-    return Hindsight(PROGRAMS, PUSH, Scoring(), HindsightConfig(**({"either": 0} | shares)))
+def hindsight(in_air: bool = False, **shares: float) -> Hindsight:
+    config = HindsightConfig(in_air=in_air, **({"either": 0.0} | shares))
+    return Hindsight(PROGRAMS, PUSH, Scoring(), config)
 
 
 def places(drawn: Moved) -> tuple[np.ndarray, np.ndarray]:
@@ -98,8 +99,8 @@ def test_a_place_moves_to_where_the_moved_block_later_was(replay: ReplayBuffer) 
 
 @pytest.mark.parametrize("in_air", [False, True])
 def test_a_place_keeps_its_height_unless_things_may_end_in_the_air(replay, in_air: bool) -> None:
-    drawn = hindsight(moved=0, future=1, cross=0, in_air=in_air)
-    drawn = drawn.draw(np.random.default_rng(1), replay, 300)
+    rule = hindsight(in_air, moved=0, future=1, cross=0)
+    drawn = rule.draw(np.random.default_rng(1), replay, 300)
     before, after = places(drawn)
     np.testing.assert_allclose(before, after, atol=1e-5)
     of_hand = drawn.program[:, 0] == TEXTS.index("NEAR(HAND, PLACE)")  # which goes anywhere
