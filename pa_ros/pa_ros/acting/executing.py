@@ -152,7 +152,8 @@ class Actor(Policy):
         step = controller.hand_speed * controller.period_s  # m, at full speed
         beside = hypot(*way)
         if beside <= ON_BESIDE_M:
-            action[:UP] = way / max(step, beside / LOWERING)
+            # Half of the way in a step, so that an arm that is a step late does not swing.
+            action[:UP] = way / max(2 * step, beside / LOWERING)
         elif above < FROM_ABOVE_M / 2:  # so low that it would push or drag
             action[:UP] = 0.0
         over = beside <= CENTERED_M
