@@ -89,7 +89,7 @@ def test_a_person_takes_over_within_the_speed_scale_and_the_bag_shows_it(lesson)
     taken = lesson.count(topics.TRAJECTORIES)
     assert lesson.until(lambda: lesson.count(topics.TRAJECTORIES) > taken)
     ours = lambda: lesson.last(topics.OBJECT_FEATURES).commanded_by  # noqa: E731
-    assert lesson.until(lambda: ours() == lesson.nodes[2].agent_id), "the agent goes on"
+    assert lesson.until(lambda: ours() == lesson.nodes[2].agent_id), "the agent acts again"
     twist.header.frame_id = "elbow"
     takeover.publish(twist)
     assert lesson.until(lambda: lesson.value("robot_node", "refused.wire.frame") != "")

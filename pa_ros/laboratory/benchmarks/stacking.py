@@ -30,7 +30,7 @@ from pa_ros.ros.executor import release, spin_until, steady_timer
 from pa_ros.tools.domain import use_free_domain
 from pa_ros.wire.fields import read_array, write_stamp
 from pa_ros.wire.program import ProgramGoal
-from pa_ros.wire.robot import decode_holds, encode_valve
+from pa_ros.wire.robot import encode_valve
 from pa_ros.wire.views import encode_transforms
 
 DESIGN = design_named("stack-2")
@@ -102,7 +102,7 @@ class StackingArm(Node):
         self._command[:-1] = read_array("velocity", message.data, np.float64, (len(self.names),))
 
     def _on_valve(self, message: Any) -> None:
-        self._command[-1] = 1.0 if decode_holds(message) else -1.0
+        self._command[-1] = 1.0 if message.data else -1.0
 
     def _step(self) -> None:
         simulation, now = self.task.simulation, now_ns()

@@ -51,7 +51,7 @@ class Condition:
     moved_terms: Mapping[str, Term] = field(default_factory=dict)  # how programs name them
     # "moved", "target": its argument is an OR with another present object
     either: tuple[str, ...] = ()
-    chain: int = 0  # programs of a THEN; 0: a single program
+    chain: int = 0  # programs of a THEN or an ALL; 0: a single program
     formula: bool = False  # a goal of `arena.formulas`, by the condition's name
     # The set to avoid is drawn from these; empty: nothing is avoided.
     avoided: tuple[Kind, ...] = ()

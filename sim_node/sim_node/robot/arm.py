@@ -159,8 +159,8 @@ class RealArm:
         return self._present
 
     def begin_episode(self, stamp_ns: int) -> Step:
-        """Where the arm is, the first step of the next episode, under a training program that does
-        not hold yet. Raises ArenaError (`robot.programs`) if there is none."""
+        """The first step of the next episode. It begins where the arm is now, under a training
+        program that is not satisfied. Raises ArenaError (`robot.programs`) if no program fits."""
         assert self.lessons is not None and self.seen is not None
         seen = self.seen
         for program in self.lessons.order():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import deque
 from collections.abc import Iterator, Sequence
 
@@ -16,7 +15,6 @@ from pa_ros.language import Program, parse, require_possible
 from pa_ros.language.errors import ProgramError
 from sim_node.robot.settings import LessonSettings
 
-WORD = re.compile(r"\w+")
 RECENT = 2000  # steps that the reported shares are over: 200 s
 
 
@@ -39,9 +37,8 @@ class Lessons:
         )
         if not self.programs:
             raise ConfigError("learning.programs: expected one that names an object, got none")
-        named = [set(WORD.findall(str(program))) for program in self.programs]
         self.held_out = tuple(
-            str(kind) for kind in kinds if not any(kind.words <= words for words in named)
+            str(kind) for kind in kinds if not any(kind.words <= {*p.words} for p in self.programs)
         )
         self.blocks = settings.blocks or len(kinds)  # on the table at once
         self.episode_steps = max(round(settings.episode_s / period_s), 1)
