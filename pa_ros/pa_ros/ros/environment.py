@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rclpy.context import Context
 
 LAST_DOMAIN = 232  # a higher one would need ports above 65535
+PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 LOOPBACK_PROFILE = Path(__file__).with_name("loopback.xml")
 # Any of these says that the user has decided who can see the graph.
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
@@ -28,7 +29,7 @@ NETWORK_CHOICES = (
     RANGE,
     PEERS,
     "ROS_DISCOVERY_SERVER",
-    "FASTRTPS_DEFAULT_PROFILES_FILE",
+    PROFILE,
     "FASTDDS_DEFAULT_PROFILES_FILE",
     "FASTDDS_BUILTIN_TRANSPORTS",
 )
@@ -56,7 +57,7 @@ def prepare_environment() -> None:
         for name in local:
             if os.environ.get(name) != OFF:  # nodes then find nobody, as the user asked
                 os.environ.pop(name, None)
-        os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(LOOPBACK_PROFILE)
+        os.environ[PROFILE] = str(LOOPBACK_PROFILE)
         os.environ.setdefault("RMW_FASTRTPS_USE_QOS_FROM_XML", "1")  # for its memory policy
 
 

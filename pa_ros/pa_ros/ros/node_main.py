@@ -17,7 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.signals import on_ending
-from pa_ros.ros.environment import prepare_environment, require_ros, start_ros
+from pa_ros.ros.environment import (
+    LOOPBACK_PROFILE,
+    PROFILE,
+    prepare_environment,
+    require_ros,
+    start_ros,
+)
 
 if TYPE_CHECKING:  # this import takes time, in which no signal is handled
     from pa_ros.core.settings import Settings
@@ -37,8 +43,9 @@ def run_node(
 ) -> int:
     """Run nodes on one executor until SIGINT, SIGTERM or SIGHUP; the exit status of the process.
 
-    Where nodes ran, the process ends here, without C++'s static destructors: threads of the
-    middleware that still run crash in them, about once in a thousand starts.
+    Where nodes ran on this machine alone, the process ends here, without C++'s static destructors:
+    one node in some thousand crashed after it had closed, perhaps in them. On other networks they
+    are needed, since they remove the middleware's shared memory.
 
     0: stopped as asked, unless a node's `close` returns another status. 1: the nodes took longer
     than `grace_s` to close, and were ended. 2: an argument or parameter was refused, with the
@@ -85,9 +92,11 @@ def run_node(
         except PaError as error:
             print(f"{name}: [{error.code}] {error}", file=sys.stderr)
             return EXIT_REFUSED
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(status)
+    if os.environ.get(PROFILE) == str(LOOPBACK_PROFILE):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+    return status
 
 
 def _ended_by(nodes: Sequence[Any]) -> PaError | None:
