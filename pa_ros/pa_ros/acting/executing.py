@@ -24,8 +24,8 @@ from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.inference import AVOIDED, MOVED, RELEVANT, TARGET
 from pa_ros.world.comparisons import choose
-from pa_ros.world.poses import places
-from pa_ros.world.relation import BLOCK_M, GRIP_M, HELD_LIMITS, NOT_HELD_M, ON_BESIDE_M
+from pa_ros.world.poses import POSE_WIDTH, in_base
+from pa_ros.world.relation import BLOCK_M, GRIP_M, HELD_LIMITS, NOT_HELD_M, ON_BESIDE_M, RELATIONS
 from pa_ros.world.scoring import REWARDED, Score, Scoring
 
 # A program means every object whose degree is at least this share of the greatest degree; to choose
@@ -126,19 +126,21 @@ class Actor(Policy):
     ) -> Float32:
         """The action that takes what is to rest somewhere, brings it there, puts it down on the
         middle, and leaves it alone once it rests there."""
-        seen, pose = observation.objects, observation.hand_pose
-        rests = self._scoring.of_program(forms.program, chosen, seen, pose)
-        held = self._scoring.of_targets(chosen[0], seen, HOLD, pose)
-        if rests.satisfied or (pose[-1] == 0 and self._touches_another(observation, held.measure)):
+        hand, (moved, *_), (under, *_) = observation.hand_pose, *chosen
+        seen = in_base(hand, observation.objects[:, :POSE_WIDTH].astype(np.float64))
+        rests = RELATIONS[ON].measure(seen[moved], seen[under], hand)
+        away = RELATIONS[HOLD].measure(hand, seen)
+        taken = bool(away[moved] <= self._scoring.threshold(HOLD))
+        if rests <= self._scoring.threshold(ON) or _touches_another(observation, away, moved):
             action = np.zeros(self._world.actions, np.float32)
             action[UP], action[-1] = LEAVING, -1.0
             return action
-        taken = bool(held.satisfied)
         action = self.infer(observation, forms.plain if taken else forms.taking, others)
-        over = self._comes_from_above(action, *self._way(observation, chosen, taken))
+        way, above = _way(observation, seen[:, :3], moved, under if taken else None)
+        over = self._comes_from_above(action, way, above)
         if taken:
             action[-1] = 1.0
-        if taken and over and rests.measure - HELD_LIMITS <= REWARDED:  # first stop, then let go
+        if taken and over and rests - HELD_LIMITS <= REWARDED:  # first stop, then let go
             moves = float(np.abs(observation.joint_velocity).max()) > STILL
             action[:-1], action[-1] = 0.0, 1.0 if moves else -1.0
         return action
@@ -159,30 +161,6 @@ class Actor(Policy):
         over = beside <= CENTERED_M
         action[UP] = -LOWERING if over else max(action[UP], min((FROM_ABOVE_M - above) / step, 1.0))
         return over
-
-    def _way(
-        self, observation: Observation, chosen: Sequence[Objects], taken: bool
-    ) -> tuple[Float64, float]:
-        """How far the hand has to go sideways to be over an object that it is to take, or with what
-        it has taken over another: m [2], along the axes of an action. And how far above the highest
-        object near it this is, m; infinite if none is near."""
-        hand, seen = observation.hand_pose, places(observation.hand_pose, observation.objects)
-        (moved,), (under,) = chosen[0][:1], chosen[1][:1]
-        at, to = (seen[moved], seen[under]) if taken else (hand[:3] - GRIP_M * UPWARD, seen[moved])
-        x, y = (to - at)[:UP]
-        c, s = hand[:UP] / max(hypot(*hand[:UP]), BLOCK_M)  # the hand's direction from the base
-        near = np.hypot(*(seen - at)[:, :UP].T) < NEAR_M
-        near[[observation.hand_index, *[moved] * taken]] = False
-        highest = seen[near, UP].max(initial=-np.inf) + BLOCK_M * taken
-        return np.array([c * x + s * y, c * y - s * x]), float(at[UP] - highest)
-
-    def _touches_another(self, observation: Observation, chosen: float) -> bool:
-        """Whether the empty hand is at another object than the chosen one, so near that moving
-        sideways would take it along."""
-        away = self._scoring.measures(HOLD, observation.objects, observation.hand_pose)
-        away[observation.hand_index] = np.inf
-        nearest = float(away.min())
-        return nearest < chosen and nearest < NOT_HELD_M + TOUCHED_M
 
     def _explores_taking(self, observation: Observation, program: Program) -> bool:
         """Whether exploring begins with taking: until the hand has held something in this episode.
@@ -311,6 +289,33 @@ class Actor(Policy):
                 "they don't say which objects a program means",
                 code="networks.unsupported_program",
             )
+
+
+def _way(
+    observation: Observation, seen: Float64, moved: int, under: int | None
+) -> tuple[Float64, float]:
+    """How far the hand has to go sideways to be over an object that it is to take, or with it over
+    what is to be `under` it, m [2], along the axes of an action. And how far above the highest
+    object near it this is, m; infinite if none is near. `seen` [N, 3] are places, m."""
+    hand = observation.hand_pose
+    at, to = (hand[:3] - GRIP_M * UPWARD, seen[moved]) if under is None else seen[[moved, under]]
+    x, y = (to - at)[:UP]
+    c, s = hand[:UP] / max(hypot(*hand[:UP]), BLOCK_M)  # the hand's direction from the base
+    near = np.hypot(*(seen - at)[:, :UP].T) < NEAR_M
+    near[observation.hand_index] = False
+    if under is not None:
+        near[moved] = False
+    highest = seen[near, UP].max(initial=-np.inf) + BLOCK_M * (under is not None)
+    return np.array([c * x + s * y, c * y - s * x]), float(at[UP] - highest)
+
+
+def _touches_another(observation: Observation, away: Float64, chosen: int) -> bool:
+    """Whether the empty hand is at another object than the chosen one, so near that moving sideways
+    would take it along. `away` [N] is how far each is from being held, m."""
+    if observation.hand_pose[-1] > 0:
+        return False
+    nearest = float(np.delete(away, observation.hand_index).min())
+    return nearest < min(float(away[chosen]), NOT_HELD_M + TOUCHED_M)
 
 
 def _sets(degrees: Degrees, least: float, hidden: Collection[int] = ()) -> list[list[int]]:
