@@ -71,7 +71,7 @@ def test_a_program_on_a_robot(monkeypatch):
 def test_a_block_is_put_on_a_place_by_a_robot_with_a_gripper(monkeypatch):
     monkeypatch.setattr(stacking, "SETTLE_S", 0.5)
     monkeypatch.setattr(stacking, "CONDITION", "blocks-4")
-    assert stacking.run(Namespace(scenes=1))["built"] == 1.0
+    assert stacking.run(Namespace(scenes=1, told=0.03))["built"] == 1.0
 
 
 @pytest.fixture(scope="module")

@@ -21,6 +21,7 @@ from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.program import ProgramRequest, encode_program
 from pa_ros.wire.robot import decode_holds
 from pa_ros.wire.step import Command, encode_command
+from pa_ros.world.relation import GRIP_M
 from sim_node.robot.node import RobotNode
 from sim_node.robot.settings import read_robot
 
@@ -55,6 +56,25 @@ def test_the_observation_says_what_the_gripper_says() -> None:
     rehearsal.arm.submit(ProgramRequest("p", "HOLD(HAND, AND(RED, CUBE))"))
     command = rehearsal.command([1.0, 0, 0, 0, 0, 0, 1.0])
     assert rehearsal.arm.velocity(command) == pytest.approx([1.5, 0, 0, 0, 0, 0])
+
+
+def test_what_a_slow_arm_holds_is_seen_where_it_will_be() -> None:
+    late = Rehearsal(**HOLDS, gripper=VALVE, arm_delay_s=0.1)
+    late.arm.holds = False
+    standing = late.observe().observation
+    away = np.linalg.norm(standing.objects[1:, :3] - [0.0, 0.0, GRIP_M], axis=1)
+    nearest = 1 + int(away.argmin())
+    moves = []
+    for holds in (False, True):
+        late.arm.holds = holds
+        late.arm.believed.sent(np.array([0.4, 0.2, -0.3, 0.1, 0.2, 0.5]), late.now_s)
+        late.now_s += 0.1
+        late.measure()
+        ahead = late.observe().observation
+        moves.append(np.linalg.norm(ahead.objects[:, :3] - standing.objects[:, :3], axis=1))
+    assert min(moves[0][1:]) > 0.01
+    assert moves[1][nearest] < 1e-6  # it goes with the hand
+    assert min(np.delete(moves[1], [0, nearest])) > 0.01
 
 
 class Fingers(Node):  # type: ignore[misc]

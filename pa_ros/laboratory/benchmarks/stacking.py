@@ -43,6 +43,8 @@ WINDOW_S = 60.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the benchmark's options."""
     parser.add_argument("--scenes", type=int, default=10, help="one tower each (%(default)s)")
+    # From a measurement to the motion: two messages, and half of the driver's period.
+    parser.add_argument("--told", type=float, default=0.03, help="arm_delay_s (%(default)s)")
 
 
 def run(options: argparse.Namespace) -> Report:
@@ -55,7 +57,7 @@ def run(options: argparse.Namespace) -> Report:
     prepare_environment()
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "robot.yaml"
-        file.write_text(yaml.safe_dump(_described(), sort_keys=False))
+        file.write_text(yaml.safe_dump(_described(options.told), sort_keys=False))
         robot = ["sim_node.robot.main", "--ros-args", "-p", f"robot:={file}"]
         agent = ["agent_node.main", "--ros-args", "-p", "weights:=checkpoint"]
         commands = [[*robot, "-p", "autostart:=true"], [*agent, "-p", f"checkpoint:={AGENT}"]]
@@ -125,13 +127,14 @@ def _name(kind: Kind) -> str:
     return str(kind).lower().replace(" ", "_")
 
 
-def _described() -> dict[str, Any]:
+def _described(arm_delay_s: float) -> dict[str, Any]:
     """The example's robot.yaml with a gripper, and with blocks and places that tf measures."""
     described: dict[str, Any] = yaml.safe_load((EXAMPLES / "robot.yaml").read_text())
     kinds = (*DESIGN.pool, *DESIGN.places)
     return {
         **described,
         "dry_run": False,
+        "arm_delay_s": arm_delay_s,
         "design": DESIGN.name,
         "preset": DESIGN.preset,
         "gripper": {"valve": VALVE, "holds": HOLDS},

@@ -18,12 +18,13 @@ from pa_ros.arena.task import GoalVerifier, scoring_of, world_of
 from pa_ros.core.errors import PaError
 from pa_ros.core.experience import Float64, Observation, Step
 from pa_ros.language import Goal, parse_goal
-from pa_ros.language.syntax import NEAR
+from pa_ros.language.syntax import HOLD, NEAR
 from pa_ros.wire.arena import describe_robot
 from pa_ros.wire.program import ProgramRequest
 from pa_ros.wire.step import Command
 from pa_ros.world import reward_from
-from pa_ros.world.poses import IDENTITY, in_base, objects_from_poses
+from pa_ros.world.poses import IDENTITY, in_base, in_hand, objects_from_poses
+from pa_ros.world.relation import RELATIONS
 from pa_ros.world.velocity import DeadReckoning
 from sim_node.robot.frames import FrameTree, Placed
 from sim_node.robot.guard import Guard
@@ -201,7 +202,11 @@ class RealArm:
         velocity = joints.velocity
         if self.settings.arm_delay_s:
             position, velocity = self._as_learned(self.believed.position), self.believed.velocity
-            hand = poses[0] = self._hand_at(position)
+            hand = self._hand_at(position)
+            if self.holds:  # what is nearest to the grip goes with the hand
+                held = 1 + int(RELATIONS[HOLD].measure(poses[0], np.array(poses[1:])).argmin())
+                poses[held] = in_base(hand, in_hand(poses[0], poses[held]))
+            poses[0] = hand
         kinds = [self._kinds[name] for name in self._present]
         objects = objects_from_poses(self._design.schema, kinds, np.array(poses))
         step = 0 if self.seen is None else self.seen.step + 1
