@@ -53,15 +53,32 @@ def test_a_guided_episode_goes_on_to_the_goal_once_the_hand_is_at_the_block(robo
     np.testing.assert_array_equal(again.objects, repeated.objects)
     now, steps = again, 0
     while task.program is REACH:
-        np.testing.assert_allclose(now.objects[1, :3], now.objects[2, :3], atol=1e-3)
+        beside = now.objects[2, :3] - now.objects[1, :3]
+        assert np.hypot(*beside[:2]) == pytest.approx(fetch.BESIDE_M["push"], abs=0.01)
+        assert beside[2] == pytest.approx(0.0, abs=1e-3)
         way = now.objects[2, :3] / fetch.STEP_M
         now, verdict = task.step(np.clip([*way, 0.0], -1, 1).astype(np.float64))
         steps += 1
         assert now.program_id == str(task.program) and now.step == steps
-    assert steps > 0 and np.linalg.norm(now.objects[1, :3]) <= fetch.HAND_M["push"]
+    assert steps > 0
     while not verdict.truncated:
         now, verdict = task.step(np.zeros(4))
     assert now.step == fetch.STEPS
+
+
+def test_the_block_is_moved_slower_near_the_goal_and_rests_there(robotics) -> None:
+    class Full:
+        def infer(self, observed: Any, program: Any) -> Any:
+            return np.ones(4, np.float32)
+
+    def speed(away: float) -> float:
+        seen = {name: np.zeros(3) for name in ("achieved_goal", "desired_goal")}
+        seen |= {"observation": np.zeros(25), "desired_goal": np.array([away, 0.0, 0.0])}
+        return float(fetch.slowed(Full(), seen)[0])
+
+    assert [speed(away) for away in (0.02, 0.03, 0.065, 0.1, 0.2)] == pytest.approx(
+        [0, 0, 0.5, 1, 1]
+    )
 
 
 def test_ours_and_a_peer_are_scored_on_the_same_episodes(robotics, tmp_path, monkeypatch) -> None:

@@ -15,8 +15,9 @@ import importlib.util
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import count
-from math import inf, isfinite
+from math import cos, inf, isfinite, pi, sin
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
@@ -59,17 +60,23 @@ WORLD = World(SCHEMA, SCHEMA.vocabulary.moving("PLACE"), joints=4)
 PUT = parse("NEAR(BLOCK, PLACE)", WORLD.vocabulary)
 REACH = parse("NEAR(HAND, PLACE)", WORLD.vocabulary)
 NEAR_M = 0.05  # Fetch's threshold
-HAND_M = {"push": 0.08, "pick": 0.04}  # of the hand; the closed one touches the block at 0.07 m
+BESIDE_M = {"push": 0.09, "pick": 0.0}  # of the block: where the hand first goes
+HAND_M = 0.04  # what NEAR means of the hand
 TABLE_M = np.array([1.34, 0.75, 0.42])  # the middle of the table, which is our base
 STEP_M = 0.05  # how far the hand moves in a step at most; also how far the fingers open
 STEPS = 100  # of a training episode, as in our arena; scored ones have Fetch's 50
-GUIDED = 0.5  # share of training episodes in which the hand first goes to the block, as in RHER
+GUIDED = 0.8  # share of training episodes in which the hand first goes to the block, as in RHER
+SLOWED = (
+    0.6,
+    2.0,
+)  # shares of NEAR_M: the block is moved slower from the second on, and rests at the first
 
 RECIPES = {"push": "push", "pick": "stack"}
 CHANGED: dict[str, Any] = {
     "learner.replay.warmup_frames": 2_000,
-    "network.position_scale": 40.0,  # since thresholds are half of our arena's
-    "network.relations_see_properties": True,
+    "learner.optimizer.half_life": 80_000,
+    "learner.updates.published": 0.2,
+    "network.family": "true-properties",  # there are no words to learn
 }
 
 Seen = Mapping[str, Float64]
@@ -202,16 +209,16 @@ def observed(
 class FetchTask:
     """A Fetch environment as the training loop takes one (`pa_ros.learning.interfaces`).
 
-    In a share GUIDED of the episodes the program is at first REACH, with the place where the block
-    is. When it holds, the place moves to the goal, and the program is PUT.
+    In a share GUIDED of the episodes the program is at first REACH, with the place at the block or
+    beside it. When it holds, the place moves to the goal, and the program is PUT.
     """
 
     control_period_s = 0.04
 
     def __init__(self, env: str, seed: int) -> None:
         """`seed` and the index determine an episode."""
-        self._env, self._seed = make(env, STEPS), seed
-        self.scoring: Scoring = FetchScoring({NEAR: HAND_M[env]})
+        self._env, self._seed, self._beside_m = make(env, STEPS), seed, BESIDE_M[env]
+        self.scoring: Scoring = FetchScoring({NEAR: HAND_M})
         self.program = PUT
         self._first_goal: Float64 | None = None
         self._episode = self._step = self._stamp_ns = 0
@@ -221,7 +228,8 @@ class FetchTask:
         rng = np.random.default_rng([self._seed, episode_index])
         self._episode, self._step = episode_index, 0
         seen, _ = self._env.reset(seed=int(rng.integers(2**31)))
-        self._first_goal = seen["achieved_goal"] if rng.random() < GUIDED else None
+        beside = self._beside_m * np.array([*_direction(rng), 0.0])
+        self._first_goal = seen["achieved_goal"] + beside if rng.random() < GUIDED else None
         return self._judged(seen, False)
 
     def step(self, joint_velocity: Float64) -> tuple[Observation, Verdict]:
@@ -244,6 +252,12 @@ class FetchTask:
         now = observed(seen, self.program, goal, (self._episode, self._step, self._stamp_ns))
         sets = (moved,), (PLACE,)
         return now, self.scoring.of_program(self.program, sets, now.objects, now.hand_pose)
+
+
+def _direction(rng: np.random.Generator) -> tuple[float, float]:
+    """A direction in the plane, [2]."""
+    angle = rng.uniform(0.0, 2 * pi)
+    return cos(angle), sin(angle)
 
 
 def success(env: str, act: Act, episodes: int, first_seed: int) -> float:
@@ -289,8 +303,7 @@ def train_ours(env: str, seed: int, frames: int, scores: _Scores) -> tuple[int, 
     network, number = settings.network.for_world(WORLD), count(1)
 
     def greedy(actor: Actor) -> Act:
-        # The networks alone: the rules of executing know the distances of our arena.
-        return lambda seen: actor.infer(observed(seen, PUT), PUT)
+        return partial(slowed, actor)
 
     def evaluate(actor: Actor) -> dict[str, float]:
         return {"success": scores.add(next(number) * EVERY, greedy(actor))}
@@ -304,6 +317,16 @@ def train_ours(env: str, seed: int, frames: int, scores: _Scores) -> tuple[int, 
     actor = Actor(network, logic=PRODUCT)
     actor.load(learner.snapshot())
     return learner.counters.frames, greedy(actor)
+
+
+def slowed(actor: Actor, seen: Seen) -> Float32:
+    """The networks' action, slower near the goal: the rules of executing know the distances of our
+    arena alone."""
+    left = float(np.linalg.norm(seen["achieved_goal"] - seen["desired_goal"])) / NEAR_M
+    rests, full = SLOWED
+    return actor.infer(observed(seen, PUT), PUT) * np.float32(
+        np.clip((left - rests) / (full - rests), 0.0, 1.0)
+    )
 
 
 def train_peer(env: str, name: str, seed: int, minutes: float, scores: _Scores) -> tuple[int, Act]:

@@ -169,6 +169,7 @@ ABLATIONS: Mapping[str, Mapping[str, Any]] = {
     "no-held": {"learner.exploration.held": 0.0},
     "no-upper": {"network.upper_layers": 0},
     "no-halving": {"learner.optimizer.half_life": 0.0},
+    "no-averaging": {"learner.updates.published": 1.0},
     "detector-gain-1": {"learner.detectors.gain": 1.0},
 }
 """Tags of experiments that move objects, and what each of them changes."""
