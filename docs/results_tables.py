@@ -27,6 +27,7 @@ from laboratory.studies.generalization import Summary
 from laboratory.studies.generalization_figures import in_words
 from laboratory.studies.tables import read_rows
 from laboratory.studies.variants import Variant
+from laboratory.studies.zones import TracesRow
 from pa_ros.arena import design_named
 from pa_ros.evaluation.conditions import CONDITIONS
 from pa_ros.evaluation.pushing import EndsRow
@@ -134,6 +135,16 @@ STACKING = (  # likewise
     ("a table sorted by color", 0.85, "stack-2", ("sort-3",)),
     ("a held-out block in the hand", 0.95, "stack-2", ("hold-eval",)),
     ("reaching, of the script's score", 0.95, "stack-2", ("reach", "reach-eval")),
+)
+NUMBERED = tuple(f"formula-{i}" for i in range(1, 8))
+BLOCKED = tuple(f"formula-{i}-blocked" for i in range(1, 8))
+ZONES = (  # in words, aim, conditions
+    ("any zone", 0.99, ("reach",)),
+    ("one zone in the way, trained pairs", 0.0, ("blocked",)),
+    ("one zone in the way, held-out pairs", 0.97, ("blocked-pairs",)),
+    ("formulas", 0.98, NUMBERED),
+    ("formulas, blocked", 0.96, BLOCKED),
+    *((f"formula {one.removeprefix('formula-')}", 0.0, (one,)) for one in NUMBERED),
 )
 KEPT, LOWEST = ("train", "eval"), 6  # conditions on a card, and how many of the others
 NOTHING = "–"  # not measured
@@ -423,12 +434,36 @@ def claims(of: Sequence[tuple[str, float, str, Sequence[str]]] = CLAIMS) -> str:
     return table(head, rows, missing)
 
 
+def zones() -> str:
+    """Shares of episodes in which formulas hold, by the number of zones."""
+    found, rows, head = {}, [], ["", "Aim"]
+    for label in ("zones-8", "zones-16"):
+        path = RESULTS / f"{label}-traces.csv"
+        found[label] = read_rows(path, TracesRow) if path.exists() else []
+        count = len({row.seed for row in found[label]})
+        head += [f"`{label}`: median of {count} seeds", "at the aim", "worst seed", "straight line"]
+    for words, aim, conditions in ZONES:
+        cells = [words, f"≥ {aim:.2f}" if aim else NOTHING]
+        for traced in found.values():
+            own = [row for row in traced if row.condition in conditions]
+            seeds = sorted({row.seed for row in own})
+            means = [fmean(r.success_rate for r in own if r.seed == seed) for seed in seeds]
+            if not means:
+                cells += [NOTHING] * 4
+                continue
+            reached = f"{sum(mean >= aim for mean in means)} of {len(means)}" if aim else NOTHING
+            straight = fmean(row.straight_line_rate for row in own)
+            cells += [f"{median(means):.2f}", reached, f"{min(means):.2f}", f"{straight:.2f}"]
+        rows.append(cells)
+    return table(head, rows) if any(found.values()) else table((), (), [*found])
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "headline": headline, "seeds": seeds, "conditions": conditions,
     "relations": relations, "views": views,
     "detectors": detectors, "equalities": equalities,
     "variants": variants, "peers": peers, "baselines": baselines, "claims": claims,
-    "stacking": partial(claims, STACKING),
+    "stacking": partial(claims, STACKING), "zones": zones,
 }  # fmt: skip
 
 

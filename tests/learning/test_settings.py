@@ -48,7 +48,8 @@ def test_the_critic_starts_at_the_value_of_never_being_rewarded(recipe, discount
 @pytest.mark.parametrize(
     ("name", "relations", "recipe"),
     [("2-L", ["NEAR"], "ours"), ("2-L", ["NEAR", "LEFT"], "deep"),
-     ("3-D-avoid", ["NEAR"], "deep"), ("push-3D", ["NEAR"], "push")],
+     ("3-D-avoid", ["NEAR"], "deep"), ("push-3D", ["NEAR"], "push"),
+     ("zones-8", ["NEAR"], "entries")],
 )  # fmt: skip
 def test_programs_decide_the_recipe(name: str, relations: list[str], recipe: str) -> None:
     assert recipe_for(design_named(name).vocabulary.asking(*relations)) == recipe

@@ -108,7 +108,9 @@ def _train(options: argparse.Namespace, seeds: Sequence[int]) -> int:
     """Train seeds, here or on a cluster. Tables are written even if some seeds failed."""
     from laboratory.studies.cluster import Cluster, train_seeds_on
     from laboratory.studies.seeds import folder_of, tabulate, train_seeds
+    from laboratory.studies.zones import write_traces
     from pa_ros.arena.skills import SUCCESS
+    from pa_ros.arena.zones import FormulaSkill
 
     experiment = _experiment(options, options.name)
     folder = options.runs / experiment.label
@@ -124,7 +126,11 @@ def _train(options: argparse.Namespace, seeds: Sequence[int]) -> int:
             table, summaries = done
             print_summaries(summaries)
             print(table)
-    if experiment.score == SUCCESS:
+    if isinstance(experiment.task.skill, FormulaSkill):
+        table = options.results / f"{experiment.label}-traces.csv"
+        write_traces(table, {seed: folder_of(folder, seed) for seed in seeds})
+        print(table)
+    elif experiment.score == SUCCESS:
         print(_conditions(experiment, folder, seeds, options))
     return 0
 

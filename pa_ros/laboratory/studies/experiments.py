@@ -159,6 +159,10 @@ EXPERIMENTS = {
         _moving("push-2", "push-2-sides", relations=("NEAR", *SIDES)),
         _moving("stack-2", frames=100_000),
         _moving("stack-3D", frames=150_000),
+        *(
+            Experiment(name, name, 100_000, evaluate_every_frames=10_000)
+            for name in ("zones-8", "zones-16")
+        ),
     )
 }
 ABLATIONS: Mapping[str, Mapping[str, Any]] = {
@@ -374,6 +378,7 @@ def write_table(
         **asdict(experiment),
         "recipe": settings.recipe,
         "preset": experiment.arena.preset,
+        "arm": experiment.arena.arm,
         "score": experiment.score,
         "learner": settings.learner.model_dump(mode="json"),
         "network_options": settings.network.model_dump(mode="json"),

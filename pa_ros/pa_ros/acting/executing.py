@@ -42,6 +42,7 @@ NEAR_M = 0.15  # sideways: what it must be above
 TOUCHED_M = 0.06  # from where the hand would hold it: an object that it may touch
 UP = 2  # of the axes of an action
 UPWARD = np.array([0.0, 0.0, 1.0])
+# Lengths where NEAR has its usual threshold; where it has another one, they are as much longer.
 AVOIDED_WITHIN_M = 0.40  # of the hand: what is farther away is not avoided
 # At this distance from the hand, an object to be avoided counts as much as the goal; nearer by the
 # second length, it counts e times as much.
@@ -81,7 +82,8 @@ class Actor(Policy):
     ) -> None:
         super().__init__(network, inference, logic)
         self._noise = noise
-        self._scoring = Scoring.of(network.world.relations)
+        self._scoring = network.world.scoring
+        self._longer = network.world.nearness
         self._slowed = SLOWED if network.world.controller else JOINTS_SLOWED
         self._forms: _Forms | None = None  # of the newest program
         self._has_held = -1  # the newest episode in which the hand held something
@@ -222,14 +224,14 @@ class Actor(Policy):
         to_avoid -= targets
         places = observation.objects[:, :3].tolist()  # in the frame of the hand
         distance = {i: hypot(*places[i]) for i in sorted(to_avoid)}
-        near = [i for i, metres in distance.items() if metres < AVOIDED_WITHIN_M]
+        near = [i for i, metres in distance.items() if metres < AVOIDED_WITHIN_M * self._longer]
         _, others = self._choose(observation, forms, degrees, to_avoid)
         heedless = self.infer(observation, forms.heedless, others | to_avoid)
         if not near:
             return heedless
         actions = [self.infer(observation, forms.plain, to_avoid - {i}) for i in near]
-        distances = np.array([EQUAL_M, *(distance[i] for i in near)])
-        weight = np.exp((distances.min() - distances) / NEARNESS_M)
+        distances = np.array([EQUAL_M * self._longer, *(distance[i] for i in near)])
+        weight = np.exp((distances.min() - distances) / (NEARNESS_M * self._longer))
         return np.asarray(weight / weight.sum() @ np.stack([heedless, *actions]), np.float32)
 
     def _choose(

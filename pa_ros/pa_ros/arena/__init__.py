@@ -1,6 +1,6 @@
 """The simulated arena: arm, table, blocks, episodes, the verifier and reference policies."""
 
-from pa_ros.arena import avoiding, holding, pushing, reaching  # noqa: F401  # register skills
+from pa_ros.arena import avoiding, holding, pushing, reaching, zones  # noqa: F401  # register skills
 from pa_ros.arena.arms import ARMS, ArmModel, Joint
 from pa_ros.arena.conditions import Condition, condition_named, conditions_for, training_programs
 from pa_ros.arena.config import PRESETS, ArenaChoice, ArenaConfig, preset_for, preset_named

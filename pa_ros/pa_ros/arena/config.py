@@ -12,6 +12,7 @@ from pydantic import Field, PositiveFloat, model_validator
 from pa_ros.arena.arms import ARMS
 from pa_ros.arena.designs import DESIGNS, Design, design_named
 from pa_ros.core.errors import ConfigError
+from pa_ros.core.registry import Registry
 from pa_ros.core.settings import OneOf, Settings
 from pa_ros.world.relation import RELATIONS
 
@@ -124,13 +125,16 @@ class ArenaConfig(Settings):
         return self
 
 
+Preset = tuple[str, Mapping[str, Any]]
+"""Which of the arm's speeds a preset has, and what else differs; with "arm", it is of that arm."""
+
 # Each preset also sets the arm's joint speeds. In `fast` the arm passes through blocks (but touches
 # the table); learning then needs the fewest frames. In `paper` it pushes them.
 #
 # The presets `push…` are for programs that move blocks: the fast arm or the slow one, which touches
 # blocks, with actions that are velocities of the hand, or of the joints. The presets `hold…` add
 # the gripper.
-_VALUES: dict[str, tuple[str, dict[str, Any]]] = {  # the arm's speeds, and what else differs
+_VALUES: dict[str, Preset] = {
     "paper": ("paper", {}),
     "fast": ("fast", {"arm_touches_blocks": False}),
     "push": ("fast", {"hand_speed": 0.5}),
@@ -139,6 +143,10 @@ _VALUES: dict[str, tuple[str, dict[str, Any]]] = {  # the arm's speeds, and what
     "hold": ("fast", {"hand_speed": 0.5, "gripper": True}),
     "hold-slow": ("paper", {"hand_speed": 0.25, "gripper": True}),
 }
+PRESET_VALUES: Registry[Preset] = Registry("preset")
+"""By name; those above, and those of extensions."""
+for _name, _value in _VALUES.items():
+    PRESET_VALUES.register(_name, _value)
 
 
 def preset_named(name: str, arm: str = "jaco") -> ArenaConfig:
@@ -177,12 +185,16 @@ def check_fits(config: ArenaConfig, design: Design) -> None:
 
 def _presets(arm: str) -> dict[str, ArenaConfig]:
     """The presets of an arm: those for whose name it has speeds."""
-    speeds = ARMS[arm].speeds
-    return {
-        name: ArenaConfig(preset=name, arm=arm, joint_speed_limits=speeds[of_arm], **values)
-        for name, (of_arm, values) in _VALUES.items()
-        if of_arm in speeds and (ARMS[arm].gripper or not values.get("gripper"))
-    }
+    found = {}
+    for name in PRESET_VALUES:
+        of_arm, values = PRESET_VALUES[name]
+        own = values.get("arm", arm)  # in place of the usual arm
+        if (speeds := ARMS[own].speeds.get(of_arm)) is None or arm not in (own, "jaco"):
+            continue
+        if ARMS[own].gripper or not values.get("gripper"):
+            given = {"arm": arm, **values}
+            found[name] = ArenaConfig(preset=name, joint_speed_limits=speeds, **given)
+    return found
 
 
 PRESETS = _presets("jaco")
@@ -201,7 +213,7 @@ class ArenaChoice(Settings):
     arm: Annotated[str, OneOf(lambda: ARMS)] = Field(
         "jaco", description="the arm in the middle of the table"
     )
-    preset: Annotated[str, OneOf(lambda: PRESETS, or_empty=True)] = Field(
+    preset: Annotated[str, OneOf(lambda: PRESET_VALUES, or_empty=True)] = Field(
         "",
         description="the arm's speed, whether it touches blocks, and what actions are; empty: the "
         "design's own",

@@ -41,7 +41,9 @@ def hand_controller(config: ArenaConfig) -> HandController:
                 Frame(position, rotation, zero, joint.lower, joint.upper, free, float(speed))
             )
         body = int(model.body_parentid[body])
-    known = HandController(tuple(links[::-1]), config.hand_speed, config.control_period_s, 0.0)
+    arm, period_s = ARMS[config.arm], config.control_period_s
+    space = arm.hand_radii_m, arm.hand_heights_m
+    known = HandController(tuple(links[::-1]), config.hand_speed, period_s, 0.0, *space)
     start = known.hand([joint.start for joint in joints])
     return replace(known, heading=round(start.heading, DIGITS))
 

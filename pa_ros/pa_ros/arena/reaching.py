@@ -17,7 +17,7 @@ from pa_ros.arena.drawn_programs import chain_for, expressions_for, program_for,
 from pa_ros.arena.episodes import PLACEMENT_TRIES, Block, Episode, Spot, spots_for
 from pa_ros.arena.references import nearest_target, reach
 from pa_ros.arena.skills import SKILLS, DemoProgram, Skill, two_alike
-from pa_ros.arena.task import ReachTask
+from pa_ros.arena.task import ReachTask, world_of
 from pa_ros.core.experience import Float64
 from pa_ros.language import Goal, Program, satisfying, stages
 from pa_ros.language.syntax import OF_PLACES, OF_SIZES, SIZE
@@ -37,6 +37,7 @@ class Wanted:
 
     goal: Goal
     needed: list[Kind]  # on the table; the first target comes first
+    # Lengths where NEAR has its usual threshold.
     within_m: float = inf  # from the first needed block to the second
     apart_m: float = 0.0  # least distance between two blocks; the arena's if that is more
 
@@ -116,6 +117,8 @@ class Reaching(Skill):
         # The order of the draws must not change, because every published result depends on it.
         base = float(rng.uniform(config.joint_lower[0], config.joint_upper[0]))
         wanted = self.want(design, condition, rng)
+        longer = world_of(config, design).nearness
+        wanted = replace(wanted, within_m=wanted.within_m * longer, apart_m=wanted.apart_m * longer)
         words = [kind.words for kind in condition.pool]
         named = np.any([satisfying(one, words, None) for one in stages(wanted.goal)], axis=0)
         unnamed = [k for k, is_named in zip(condition.pool, named, strict=True) if not is_named]

@@ -46,6 +46,8 @@ class Simulation:
         # Keyed by the looks of the blocks. Not a method, which would keep the simulation alive.
         self._models = lru_cache(maxsize=128)(partial(_build, config))
         self._placed = False
+        self.way: list[Float64] | None = None
+        """If it is a list, the hand's position after each physics step is added to it."""
 
     def place(self, episode: Episode) -> None:
         """Start an episode: the arm at rest in its start pose, the blocks at rest."""
@@ -150,7 +152,13 @@ class Simulation:
         self._control[:] = command if cup is None else command[: self._joints]
         if cup is not None:
             cup.switch(command[-1] > 0)
-        mujoco.mj_step(self.model, self.data, self._substeps)
+        if self.way is None:
+            mujoco.mj_step(self.model, self.data, self._substeps)
+        else:
+            for _ in range(self._substeps):
+                mujoco.mj_step(self.model, self.data, 1)
+                mujoco.mj_kinematics(self.model, self.data)
+                self.way.append(self._position[HAND_INDEX].copy())
         # MuJoCo only warns, and after a bad state it restarts the episode by itself.
         if np.count_nonzero(self._warnings):
             self._placed = False

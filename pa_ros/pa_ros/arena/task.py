@@ -27,7 +27,8 @@ from pa_ros.world.world import World
 def world_of(config: ArenaConfig, design: Design) -> World:
     """The world of an arm and a design."""
     controller = hand_controller(config) if config.hand_speed else None
-    return World(design.schema, design.vocabulary, config.joints, controller, config.gripper)
+    own = controller, config.gripper, config.thresholds
+    return World(design.schema, design.vocabulary, config.joints, *own)
 
 
 def scoring_of(config: ArenaConfig, design: Design, reward: Reward | None = None) -> Scoring:

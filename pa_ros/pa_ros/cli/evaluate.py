@@ -12,10 +12,11 @@ import numpy as np
 
 from pa_ros.acting.executing import Actor
 from pa_ros.agents import TrainedAgent, acting_under, load_agent
-from pa_ros.arena import ArenaConfig, Design, condition_named, conditions_for
+from pa_ros.arena import ArenaConfig, Design, ReachTask, condition_named, conditions_for
 from pa_ros.arena.camera import PICTURES
 from pa_ros.arena.formulas import FORMULAS
 from pa_ros.arena.skills import SUCCESS
+from pa_ros.arena.zones import FormulaSkill
 from pa_ros.cli.options import add_setting, add_settings, asked, file_to_write, settings_from
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.software import device, versions
@@ -36,6 +37,7 @@ from pa_ros.evaluation.evaluate import (
 from pa_ros.evaluation.judgement import Judgement
 from pa_ros.evaluation.pushing import CLOSE_M, ends
 from pa_ros.evaluation.scores import normalized, rewards
+from pa_ros.evaluation.traces import traces
 from pa_ros.language import Program, logic_named, parse_goal
 from pa_ros.perception import task_seen
 
@@ -166,6 +168,10 @@ def _scored(
 
 def _one_condition(subject: Subject, drawn_from: str, options: argparse.Namespace) -> Report:
     """A row per program, and `eval.…` in the report."""
+    if isinstance(subject.design.skill, FormulaSkill):
+        task = ReachTask(subject.arena, subject.design, options.seed)
+        row = traces(task, subject.policy, drawn_from, options.episodes)
+        return {f"eval.{name}": value for name, value in asdict(row).items()}
     judgement, decides = None, options.judge == "agent"
     chain = condition_named(drawn_from, subject.design).chain
     if subject.agent is not None and (decides or chain):

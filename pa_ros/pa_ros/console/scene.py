@@ -95,13 +95,14 @@ class ArenaScene:
         geom = model.geom(f"block{index}")
         mesh, outline = _mesh(geom, 1.0), _mesh(geom, 1.12)
         color = tuple(int(255 * part) for part in geom.rgba[:3])
+        opacity = float(geom.rgba[3])
         edges = _KINDS[int(geom.type[0])] in ("BOX", "CYLINDER")  # which smooth shading blackens
         shadow = bool(geom.contype[0])  # a place is so flat that it would lie in its own
         return _Block(
             name,
             scene.add_mesh_simple(
                 f"{path}/solid", mesh.vertices, mesh.faces, color=color, flat_shading=edges,
-                cast_shadow=shadow, receive_shadow=shadow,
+                cast_shadow=shadow, receive_shadow=shadow, opacity=opacity if opacity < 1 else None,
             ),
             # Only the inside of a slightly larger block is drawn, which shows as an outline.
             scene.add_mesh_simple(

@@ -103,10 +103,10 @@ class HindsightConfig(Settings):
 class RelabelingConfig(Settings):
     """Programs and scenes other than those that acted."""
 
-    rule: Literal["none", "all-goals"] = Field(
+    rule: Literal["none", "all-goals", "entries"] = Field(
         "none",
         description="none is the paper's; all-goals draws other training programs, and moves "
-        "places where programs move objects",
+        "places where programs move objects; entries draws those of what the hand came to later",
     )
     programs_per_transition: int = Field(
         1,

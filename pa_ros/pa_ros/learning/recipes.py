@@ -15,7 +15,8 @@ from pa_ros.learning.config import LearnerConfig
 from pa_ros.networks.config import NetworkSettings
 
 OURS, DPG = "ours", "dpg"  # the defaults
-PUSH, STACK, DEEP = "push", "stack", "deep"  # of some designs: see `recipe_for`
+PUSH, STACK, DEEP, ENTRIES = "push", "stack", "deep", "entries"  # of some designs: see `recipe_for`
+ZONE = "zone"  # a group of words, of small zones
 Values = Mapping[str, Any]  # by dotted path, "learner.PART.NAME" or "network.NAME"
 
 # As in the appendix. Of what it leaves open, the initial weights matter most: a critic that starts
@@ -86,13 +87,37 @@ _DEEP: Values = {
     "network.attention": 32,
 }
 
+# For small zones: hindsight around entries, whose rewards end the task, so that values are in
+# [0, 1].
+_ENTRIES: Values = {
+    **_DEEP,
+    "learner.relabeling.rule": "entries",
+    "learner.relabeling.property_dropout": 0.0,
+    "learner.replay.warmup_frames": 10_000,
+    "learner.replay.batch_size": 256,
+    "learner.optimizer.actor_rate": 5e-4,
+    "learner.optimizer.critic_rate": 1e-3,
+    "learner.updates.per_frame": 0.3,
+    "learner.updates.published": 0.2,
+    "learner.detectors.gain": 2.0,
+    "learner.detectors.sparsity": 0.0,
+    "learner.exploration.sigma": 0.3,
+    "learner.exploration.held": 0.6,
+    "network.critic_starts_unrewarded": False,
+    "network.upper_layers": 2,
+    "network.hidden": 64,
+    "network.attention": 16,
+}
+
 RECIPES: Mapping[str, Values] = {
-    "paper": _PAPER, OURS: _OURS, PUSH: _PUSH, STACK: _STACK, DEEP: _DEEP
+    "paper": _PAPER, OURS: _OURS, PUSH: _PUSH, STACK: _STACK, DEEP: _DEEP, ENTRIES: _ENTRIES
 }  # fmt: skip
 
 
 def recipe_for(vocabulary: Vocabulary) -> str:
     """The recipe for programs with these words, unless another one is chosen."""
+    if ZONE in vocabulary.by_group:
+        return ENTRIES
     if vocabulary.moves_objects:
         return STACK if ON in vocabulary.relations else PUSH
     return DEEP if vocabulary.avoids or len(vocabulary.relations) > 1 else OURS
@@ -120,8 +145,8 @@ class LearningSettings(Settings):
     recipe: Annotated[str, OneOf(lambda: RECIPES)] = Field(
         OURS,
         description="named set of defaults for `learner` and `network`: the paper's, ours, or ours "
-        "for programs that move objects (push), put them on each other (stack), or avoid some or "
-        "have several relations (deep)",
+        "for programs that move objects (push), put them on each other (stack), avoid some or have "
+        "several relations (deep), or move the hand among small zones (entries)",
     )
     algorithm: Annotated[str, OneOf(lambda: ALGORITHMS)] = Field(
         DPG, description="learning algorithm"

@@ -17,6 +17,8 @@ import numpy as np
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64
 
+# Where a hand moves unless its arm says more; at the lowest height it pushes blocks. Lengths in m.
+RADII, HEIGHTS = (0.18, 0.66), (0.08, 0.40)
 AXES = 3  # of an action: outward, to the left and up, seen from the base
 
 
@@ -78,11 +80,10 @@ class HandController:
     hand_speed: float  # m/s
     period_s: float  # of a command
     heading: float  # rad, of the hand (`Hand.heading`), which is kept
+    # The space that the hand does not leave: m from the base's axis, and above the table.
+    radii: tuple[float, float] = RADII
+    heights: tuple[float, float] = HEIGHTS
 
-    # The space that the hand does not leave: m from the base's axis, and above the table. Its
-    # lowest height is that at which it pushes blocks.
-    RADII: ClassVar[tuple[float, float]] = (0.18, 0.66)
-    HEIGHTS: ClassVar[tuple[float, float]] = (0.08, 0.40)
     TURN_RATE: ClassVar[float] = 3.0  # 1/s at which the hand turns back, down and to its heading
     TURN_WEIGHT: ClassVar[float] = 0.2  # m: how much turning counts beside moving
     HEADING_SPEED: ClassVar[float] = 0.6  # rad/s, at most, at which it turns back to its heading
@@ -133,7 +134,7 @@ class HandController:
         radius = max(hypot(x, y), 0.05)
         c, s = x / radius, y / radius
         out, left, up = np.clip(action.astype(np.float64), -1.0, 1.0) * self.hand_speed
-        (near, far), (low, high), period = self.RADII, self.HEIGHTS, self.period_s
+        (near, far), (low, high), period = self.radii, self.heights, self.period_s
         out = min(max(out, (near - radius) / period), (far - radius) / period)
         up = min(max(up, (low - z) / period), (high - z) / period)
         moving = np.array([c * out - s * left, s * out + c * left, up])
@@ -176,8 +177,9 @@ class HandController:
         return np.asarray(velocity * free)
 
     def to_data(self) -> dict[str, Any]:
-        """The same as data for JSON."""
-        return asdict(self)
+        """The same as data for JSON; without the usual space of the hand."""
+        usual = {"radii": RADII, "heights": HEIGHTS}
+        return {k: v for k, v in asdict(self).items() if usual.get(k) != v}
 
     @classmethod
     def from_data(cls, data: dict[str, Any]) -> HandController:
@@ -186,7 +188,10 @@ class HandController:
             Frame(**{**one, "position": tuple(one["position"]), "rotation": tuple(one["rotation"])})
             for one in data["links"]
         )
-        return cls(links, *(float(data[name]) for name in ("hand_speed", "period_s", "heading")))
+        speed, period, heading = (float(data[k]) for k in ("hand_speed", "period_s", "heading"))
+        (near, far), (low, high) = data.get("radii", RADII), data.get("heights", HEIGHTS)
+        space = (float(near), float(far)), (float(low), float(high))
+        return cls(links, speed, period, heading, *space)
 
 
 def _cross(a: Float64, b: Float64) -> Float64:

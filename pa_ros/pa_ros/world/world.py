@@ -13,11 +13,12 @@ from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Float32, Float64, Observation
 from pa_ros.core.settings import canonical_json, read_json
 from pa_ros.language import Goal, Vocabulary, require_possible
-from pa_ros.language.syntax import HOLD
+from pa_ros.language.syntax import HOLD, NEAR
 from pa_ros.world.controller import AXES, HandController
 from pa_ros.world.poses import POSE_WIDTH
 from pa_ros.world.relation import RELATIONS
 from pa_ros.world.schema import ObjectSchema
+from pa_ros.world.scoring import Scoring
 
 MAX_JOINTS = 16
 
@@ -35,6 +36,7 @@ class World:
     joints: int
     controller: HandController | None = None  # None: an action is joint velocities
     gripper: bool = False  # whether the hand can hold
+    thresholds: tuple[float, ...] = ()  # of the relations; empty: their own
 
     def __post_init__(self) -> None:
         # The rows of Φ follow the vocabulary and the features follow the schema, so both need one
@@ -58,6 +60,17 @@ class World:
                     f"world: relation {relation}: expected an arm with a gripper: choose a preset "
                     "that has one"
                 )
+
+    @property
+    def scoring(self) -> Scoring:
+        """When its relations hold."""
+        return Scoring.of(self.relations, self.thresholds)
+
+    @property
+    def nearness(self) -> float:
+        """How much farther NEAR reaches than usual: a factor of lengths that are chosen for it."""
+        usual = RELATIONS[NEAR].threshold
+        return self.scoring.thresholds.get(NEAR, usual) / usual
 
     @property
     def object_features(self) -> int:
@@ -181,6 +194,8 @@ class World:
         }
         if self.controller is not None:
             data["controller"] = self.controller.to_data()
+        if self.thresholds:
+            data["thresholds"] = list(self.thresholds)
         return {**data, "gripper": True} if self.gripper else data
 
     @classmethod
@@ -198,7 +213,8 @@ class World:
             if controller is not None:
                 controller = HandController.from_data(controller)
             gripper = data.get("gripper", False) is True
-            return cls(schema, asked, data["joints"], controller, gripper)
+            thresholds = tuple(map(float, data.get("thresholds", ())))
+            return cls(schema, asked, data["joints"], controller, gripper, thresholds)
         except (TypeError, ValueError, KeyError, AttributeError) as error:
             raise ConfigError(
                 f"world: expected its JSON: {error!r}, got {str(data)[:200]}"

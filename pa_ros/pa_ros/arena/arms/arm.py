@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import inf, pi
 
 from pa_ros.core.errors import ConfigError
+from pa_ros.world.controller import HEIGHTS, RADII
 from pa_ros.world.world import MAX_JOINTS
 
 Range = tuple[float, float]
@@ -53,6 +54,9 @@ class ArmModel:
     block_radii_m: Range = (0.28, 0.58)  # where the hand can be near every block
     block_angles: Range = (-pi, pi)  # rad about the base
     gripper: VacuumCup | None = None
+    # Where actions that are velocities of the hand move it: m from the base's axis, over the table
+    hand_radii_m: Range = RADII
+    hand_heights_m: Range = HEIGHTS
 
     def __post_init__(self) -> None:
         count = len(self.joints)

@@ -9,6 +9,7 @@ from pa_ros.language import Program
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.rules.all_goals import AllGoals
 from pa_ros.learning.rules.dropout import PropertyDropout
+from pa_ros.learning.rules.entries import Entries
 from pa_ros.learning.rules.hindsight import Hindsight
 from pa_ros.learning.rules.own import OwnProgram
 from pa_ros.learning.rules.rule import Rule
@@ -54,6 +55,8 @@ def _relabeling(
     rule: Rule
     if network.vocabulary.moves_objects:
         rule = Hindsight(programs, network.world, scoring, config.hindsight, discount)
+    elif config.relabeling.rule == "entries":
+        rule = Entries(programs, network.world, scoring, discount)
     else:
         rule = AllGoals(programs, network.world, scoring, discount, count)
     if count > 1 and not rule.draws_several:

@@ -95,4 +95,8 @@ def why_not_fused(network: NetworkConfig, config: DPGConfig) -> str:
     return why_not_network(network)
 
 
-DPG = Algorithm(DPGConfig, make_engine, {"push": {"learner.action_penalty": 0.1}})
+DPG = Algorithm(
+    DPGConfig,
+    make_engine,
+    {"push": {"learner.action_penalty": 0.1}, "entries": {"learner.action_penalty": 0.01}},
+)
