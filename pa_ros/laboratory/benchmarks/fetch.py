@@ -74,9 +74,8 @@ SLOWED = (
 RECIPES = {"push": "push", "pick": "stack"}
 CHANGED: dict[str, Any] = {
     "learner.replay.warmup_frames": 2_000,
-    "learner.optimizer.half_life": 80_000,
-    "learner.updates.published": 0.2,
     "network.family": "true-properties",  # there are no words to learn
+    "network.position_scale": 40.0,  # since thresholds are half of our arena's
 }
 
 Seen = Mapping[str, Float64]
