@@ -45,7 +45,7 @@ PURPOSES: dict[str, dict[str, dict[str, object]]] = {
     },
 }
 SETS: dict[str, dict[str, dict[str, Any]]] = {  # marker: named sets of values, by path
-    "arena": {name: PRESETS[name].flat() for name in ("paper", "fast", "push", "hold")},
+    "arena": {name: PRESETS[name].flat() for name in ("paper", "fast", "robot", "push", "hold")},
     "learner": {name: LearningSettings(recipe=name).learner.flat() for name in RECIPES},
     "td3": {
         name: LearningSettings(recipe=name, algorithm="td3").learner.flat() for name in RECIPES

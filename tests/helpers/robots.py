@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from pa_ros.acting.executing import Actor
 from pa_ros.arena.simulation import Simulation
@@ -41,6 +42,24 @@ def robot_values(**changes: Any) -> dict[str, Any]:
         },
     }
     return {**whole, **changes}
+
+
+def learning_robot(folder: Path, dry_run: bool) -> str:
+    """A robot.yaml of an arm that learns; the file's name."""
+    file = folder / f"{dry_run}.yaml"
+    learning = {"episode_s": 1.0}
+    values = robot_values(dry_run=dry_run, learning=learning, speed_scale=0.5, relay=False)
+    file.write_text(yaml.safe_dump(values, sort_keys=False))
+    return str(file)
+
+
+def pressed(probe: Any, service: tuple[str, Any]) -> Any:
+    """The answer of a service of std_srvs/Trigger."""
+    client = probe.create_client(service[1], service[0])
+    assert probe.until(client.service_is_ready)
+    answer = client.call_async(service[1].Request())
+    assert probe.until(answer.done)
+    return answer.result()
 
 
 class Rehearsal:

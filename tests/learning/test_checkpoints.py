@@ -119,6 +119,48 @@ def test_an_agent_acts_whose_learning_settings_are_not_known_here(saved) -> None
         restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS, 3, SCORING))
 
 
+def test_a_learner_starts_from_the_networks_of_a_run_and_learns_anew(saved) -> None:
+    theirs = learner()
+    restore(saved, theirs)
+    ours = Learner(NETWORK, SETTINGS.changed(starts_from=str(saved)), PROGRAMS, 4, SCORING)
+    assert (ours.counters.frames, ours.replay.rows) == (0, 0)
+    actor = theirs.snapshot().tensors
+    assert all(np.array_equal(one, actor[key]) for key, one in ours.snapshot().tensors.items())
+    trained, started = theirs.engine.tensors(), ours.engine.tensors()
+    for name in ("critic.output.weight", "target_critic.output.weight"):
+        np.testing.assert_array_equal(started[name], trained[name])
+    assert not any(one.any() for name, one in started.items() if name.startswith("adam."))
+
+
+def test_the_critic_of_an_agent_that_only_acts_knows_its_words(saved) -> None:
+    (find_checkpoint(saved) / "engine.safetensors").unlink()
+    started = Learner(NETWORK, SETTINGS.changed(starts_from=str(saved)), PROGRAMS, 4, SCORING)
+    tensors = started.engine.tensors()
+    known, value = "detectors.weight", "output.weight"
+    np.testing.assert_array_equal(tensors[f"critic.{known}"], tensors[f"actor.{known}"])
+    anew = Learner(NETWORK, SETTINGS, PROGRAMS, 4, SCORING).engine.tensors()
+    np.testing.assert_array_equal(tensors[f"critic.{value}"], anew[f"critic.{value}"])
+
+
+def test_a_new_critic_does_not_spoil_the_actor_that_a_learner_starts_from(saved, monkeypatch):
+    monkeypatch.setattr("pa_ros.learning.learner.CRITIC_FIRST", 60)
+    started = Learner(NETWORK, SETTINGS.changed(starts_from=str(saved)), PROGRAMS, 4, SCORING)
+    rng, first = np.random.default_rng(0), started.engine.tensors()
+    for sequence in range(6):
+        started.consume(random_trajectory(rng, 20, sequence=sequence))
+        newest, updates = started.engine.tensors(), started.counters.updates
+        same = {name: np.array_equal(one, first[name]) for name, one in newest.items()}
+        assert same["actor.output.weight"] == (updates < 60), updates
+        assert same["critic.output.weight"] == (updates == 0), updates
+    assert updates == 100
+
+
+@pytest.mark.parametrize("other", ["shipped:3-D", "nowhere"])
+def test_a_learner_does_not_start_from_other_networks(other) -> None:
+    with pytest.raises(CheckpointError, match="expected"):
+        Learner(NETWORK, SETTINGS.changed(starts_from=other), PROGRAMS, 3, SCORING)
+
+
 def test_other_training_programs_are_rejected(saved) -> None:
     with pytest.raises(CheckpointError, match="expected programs"):
         restore(saved, Learner(NETWORK, SETTINGS, PROGRAMS[::-1], 3, SCORING))

@@ -5,15 +5,25 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-import yaml
+from control_msgs.msg import JointJog
 from geometry_msgs.msg import TwistStamped
 
 from agent_node.node import AgentNode
-from helpers.graph import ACTIVATE, CLEANUP, CONFIGURE, DEACTIVATE, SMALL_LEARNER, User, graph
-from helpers.robots import SIMULATED, robot_values
+from helpers.graph import (
+    ACTIVATE,
+    CLEANUP,
+    CONFIGURE,
+    DEACTIVATE,
+    SMALL_LEARNER,
+    User,
+    graph,
+)
+from helpers.robots import SIMULATED, learning_robot, pressed
+from helpers.waiting import DEADLINE_S
 from learner_node.node import LearnerNode
 from pa_ros.core.experience import PERSON
 from pa_ros.ros import topics
+from pa_ros.wire.fields import header_stamp
 from pa_ros.wire.learning import decode_trajectory
 from sim_node.robot.node import RobotNode
 
@@ -21,25 +31,9 @@ pytestmark = pytest.mark.graph
 FEATURES = topics.OBJECT_FEATURES.name
 
 
-def described(folder, dry_run: bool):
-    file = folder / f"{dry_run}.yaml"
-    learning = {"episode_s": 1.0, "scatter_every_min": 1.0}
-    values = robot_values(dry_run=dry_run, learning=learning, speed_scale=0.5, relay=False)
-    file.write_text(yaml.safe_dump(values, sort_keys=False))
-    return str(file)
-
-
-def pressed(probe, service):
-    client = probe.create_client(service[1], service[0])
-    assert probe.until(client.service_is_ready)
-    answer = client.call_async(service[1].Request())
-    assert probe.until(answer.done)
-    return answer.result()
-
-
 @pytest.fixture(scope="module")
 def lesson(module_domain, tmp_path_factory):
-    file = described(tmp_path_factory.mktemp("robot"), dry_run=False)
+    file = learning_robot(tmp_path_factory.mktemp("robot"), dry_run=False)
     robot = {"robot_node__robot": file, "robot_node__autostart": True}
     agent = {"agent_node__learning": True, "agent_node__weights": "topic"}
     nodes = SIMULATED.ArmDriver, RobotNode, AgentNode, LearnerNode
@@ -95,6 +89,24 @@ def test_a_person_takes_over_within_the_speed_scale_and_the_bag_shows_it(lesson)
     assert lesson.until(lambda: lesson.value("robot_node", "refused.wire.frame") != "")
 
 
+def test_a_person_takes_over_by_the_joints_too(lesson):
+    takeover, jog = lesson.speaker(topics.TAKEOVER_JOINTS), JointJog()
+    jog.joint_names, jog.velocities = ["joint_6"], [-0.3]
+
+    def taken() -> bool:
+        takeover.publish(jog)
+        *others, last = lesson.nodes[0].arm.velocity
+        marked = lesson.last(topics.OBJECT_FEATURES).commanded_by == PERSON
+        return marked and last < 0.0 and not any(others)
+
+    assert lesson.until(taken)
+    for jog.joint_names in (["elbow"], ["joint_6", "joint_6"]):
+        takeover.publish(jog)
+        assert lesson.until(lambda: lesson.value("robot_node", "refused.wire.joint_names") != "")
+    ours = lambda: lesson.last(topics.OBJECT_FEATURES).commanded_by  # noqa: E731
+    assert lesson.until(lambda: ours() == lesson.nodes[2].agent_id)
+
+
 def test_it_holds_until_the_blocks_are_scattered_and_goes_on_without_a_jump(lesson):
     assert pressed(lesson, topics.SCATTER).success
     driver = lesson.nodes[0]
@@ -119,6 +131,44 @@ def test_what_stops_the_arm_interrupts_a_lesson_and_joins_no_steps(lesson, monke
     assert after, "nobody commanded what the arm did while it held"
 
 
+@pytest.mark.parametrize("hidden", [1, 4])  # by a person in between; the tracker is lost
+def test_objects_that_are_lost_interrupt_a_lesson_and_nothing_is_learned_meanwhile(lesson, hidden):
+    driver = lesson.nodes[0]
+    seen = driver.see
+    with pytest.MonkeyPatch.context() as lost:
+        lost.setattr(driver, "see", lambda found, at: seen(dict([*found.items()][hidden:]), at))
+        assert lesson.until(lambda: "holds: " in lesson.message("robot_node"))
+        assert lesson.until(lambda: not driver.arm.velocity.any())
+        before = driver.arm.data.qpos[:6].copy()
+        learned = lesson.count(topics.OBJECT_FEATURES)
+        lesson.until(lambda: False, 0.5)
+        assert lesson.count(topics.OBJECT_FEATURES) == learned
+        assert driver.arm.data.qpos[:6] == pytest.approx(before, abs=0.02)
+    assert lesson.learns(5)
+
+
+def test_nothing_is_learned_from_an_arm_that_was_stopped_and_does_not_follow(lesson):
+    driver, own = lesson.nodes[0], lesson.heard[FEATURES]
+    with pytest.MonkeyPatch.context() as stopped:
+        driver.arm.data.qvel[:6] = 0.0
+        stopped.setattr(driver.arm, "advance", lambda _: None)
+        assert lesson.until(lambda: "does not follow" in lesson.message("robot_node"))
+        before = len(own)
+        assert lesson.until(lambda: len(own) > before + 10)
+        assert not any(one.commanded_by for one in own[before + 1 :])
+    assert lesson.learns(5) and lesson.until(lambda: lesson.message("robot_node") == "running")
+
+
+@pytest.mark.parametrize("hours", [-1, 1])
+def test_a_drivers_wall_clock_that_is_set_costs_no_lesson(lesson, monkeypatch, hours):
+    set_by, stamps = hours * 3600 * 10**9, lesson.heard[FEATURES]
+    before, now_ns = len(stamps), SIMULATED.now_ns
+    monkeypatch.setitem(vars(SIMULATED), "now_ns", lambda: now_ns() + set_by)
+    assert lesson.learns(5)
+    told = [header_stamp(one) for one in stamps[before:]]
+    assert told == sorted(told) and told[-1] - told[0] < 1e9 * DEADLINE_S
+
+
 def test_it_continues_after_it_was_inactive_and_refuses_to_resume_with_too_few_blocks(lesson):
     user = User(lesson, lesson.nodes[1])
     assert user.ask(DEACTIVATE) == (True, "inactive")
@@ -135,7 +185,7 @@ def test_it_learns_again_after_a_restart_and_nothing_in_a_dry_run(lesson, tmp_pa
     for dry_run in (False, True):
         for number in (DEACTIVATE, CLEANUP):
             assert user.ask(number)[0]
-        assert user.set("robot", described(tmp_path, dry_run)) == ""
+        assert user.set("robot", learning_robot(tmp_path, dry_run)) == ""
         for number in (CONFIGURE, ACTIVATE):
             assert user.ask(number)[0]
         assert lesson.until(lambda: bool(lesson.nodes[1].arm.measured))

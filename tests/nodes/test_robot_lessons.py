@@ -135,6 +135,23 @@ def test_agents_see_a_slow_arm_where_it_will_be_when_it_has_done_what_was_sent()
     assert ahead.joint_velocity.tolist() == velocity.tolist()
 
 
+def test_an_arm_that_was_stopped_does_not_follow_until_it_moves_again():
+    rehearsal, velocity = learning(), np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
+    told = []
+    for step in range(60):
+        stopped = 20 <= step < 40
+        rehearsal.arm.believed.sent(velocity, rehearsal.now_s)
+        rehearsal.advance(np.zeros(6) if stopped else velocity)
+        rehearsal.observe()
+        told.append(rehearsal.arm.follows)
+    assert all(told[:20]) and not any(told[31:40]) and all(told[45:])
+    rehearsal.arm.believed.sent(np.zeros(6), rehearsal.now_s)
+    for _ in range(20):  # at rest, as it should be
+        rehearsal.advance(np.zeros(6))
+        rehearsal.observe()
+        assert rehearsal.arm.follows
+
+
 def test_a_person_moves_the_hand_in_the_bases_frame_or_its_own():
     rehearsal = learning()
     arm, wanted = rehearsal.arm, np.array([0.05, -0.03, 0.02])
@@ -145,5 +162,8 @@ def test_a_person_moves_the_hand_in_the_bases_frame_or_its_own():
     own = arm.model.hand(arm.seen.joint_position).turn.T @ wanted
     again = arm.twist(own, np.zeros(3), in_hand=True)
     assert again == pytest.approx(arm.twist(wanted, np.zeros(3), in_hand=False))
+    joints = np.array([0.1, 0.2, 0.0, 0.0, 0.0, 0.0])
+    assert arm.jog(joints).tolist() == joints.tolist()
+    assert np.abs(arm.jog(100 * joints)).max() == pytest.approx(max(arm.about.speed_limits[:2]))
     fast = arm.twist(10 * wanted, np.zeros(3), in_hand=False)
     assert np.abs(fast / arm.about.speed_limits).max() == pytest.approx(1.0)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from control_msgs.msg import JointJog
 from geometry_msgs.msg import Pose, PoseStamped, Quaternion, TransformStamped
 from hypothesis import given
 from hypothesis import strategies as st
@@ -21,6 +22,7 @@ from pa_ros.wire.robot import (
     LABEL_M,
     decode_detections,
     decode_driver_joints,
+    decode_jog,
     decode_tracked,
     decode_transforms,
     encode_table,
@@ -178,6 +180,26 @@ def test_values_of_the_arms_joints_are_there_once_and_possible(velocity, names, 
     with rejected(code, match="joint_states.* expected .* received") as caught:
         decode_driver_joints(message, ("elbow", "base"))
     assert ("does the driver publish them?" in str(caught.value)) == (not velocity)
+
+
+def test_joints_that_a_jog_leaves_out_rest():
+    jog = JointJog(joint_names=["tip", "base"], velocities=[0.3, -0.1])
+    assert decode_jog(jog, ("base", "elbow", "tip")).tolist() == [-0.1, 0.0, 0.3]
+
+
+@pytest.mark.parametrize(
+    ("names", "velocities", "code"),
+    [
+        ([], [], "wire.size"),
+        (["base"], [], "wire.size"),
+        (["base"], [NAN], "wire.non_finite"),
+        (["base", "thumb"], [0.1, 0.1], "wire.joint_names"),
+        (["base", "base"], [0.1, 0.1], "wire.joint_names"),
+    ],
+)
+def test_a_jog_that_is_no_motion_of_the_arm_is_rejected(names, velocities, code):
+    with rejected(code, match="takeover_joints.* expected .* received"):
+        decode_jog(JointJog(joint_names=names, velocities=velocities), ("base", "elbow"))
 
 
 def test_markers_show_box_objects_and_where_the_hand_goes():

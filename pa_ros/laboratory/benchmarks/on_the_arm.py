@@ -13,6 +13,7 @@ import sys
 import tempfile
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import verify
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import Body, PolicySnapshot
+from pa_ros.core.experience import Body, Float64, Observation, PolicySnapshot
 from pa_ros.core.extensions import load
 from pa_ros.core.text import Report
 from pa_ros.evaluation.evaluate import TRAINING_SCORES_SEED, run_episodes
@@ -48,6 +49,7 @@ TINY = 1e-6  # rad/s
 REACHED, FEW_SCENES, KEEP_FRAMES = 0.9, 20, 3000  # what is solved; how often that is looked at
 STUCK_S, LOOK_S = 2.0, 0.5  # wall time
 STARTED_NS = 1_000_000_000_000
+FORGOTTEN_NS = 3_000_000_000  # after which robot_node counts no block that it does not see
 
 
 @dataclass(frozen=True)
@@ -175,6 +177,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scale", type=float, default=1.0, help="of speed: speed_scale")
     parser.add_argument("--ramp", type=float, default=0.0, help="max_acceleration, rad/s²")
     parser.add_argument("--shake", type=float, default=4.0, help="exploration.acceleration")
+    parser.add_argument("--off", type=float, default=0.0, help="of the hand's frame, along x, m")
+    parser.add_argument("--starts-from", default="", help="a run or shipped:NAME, to continue from")
+    parser.add_argument("--warmup", type=int, default=5000, help="frames before the first update")
     parser.add_argument("--real-time", action="store_true", help="do not pace the clock")
     parser.add_argument("--bag", type=Path, help="folder for a recording of each run")
 
@@ -217,6 +222,7 @@ def _learn(options: argparse.Namespace, seed: int) -> dict[str, float]:
         "speed_scale": options.scale,
         "max_acceleration": options.ramp,
         "design": options.design,
+        "hand_offset": [options.off, 0.0, 0.0],
         "objects": {n: {"words": [*k.values()], "frame": n} for k, n in names.items()},
         "learning": {"blocks": 4, "scatter_every_min": options.minutes, "seed": seed},
     }
@@ -232,7 +238,9 @@ def _learn(options: argparse.Namespace, seed: int) -> dict[str, float]:
         commands = [
             [robot, "--ros-args", "-p", f"robot:={file}", "-p", "autostart:=true"],
             ["learner_node.main", "--ros-args", "-p", f"out:={folder}/run", "-p", f"seed:={seed}",
-             "-p", f"learner.exploration.acceleration:={options.shake}"],
+             "-p", f"learner.exploration.acceleration:={options.shake}",
+             "-p", f"learner.replay.warmup_frames:={options.warmup}",
+             "-p", f"learner.starts_from:='{options.starts_from}'"],
             ["agent_node.main", "--ros-args", "-p", "learning:=true", "-p", "weights:=topic",
              "-p", f"seed:={seed}"],
         ]  # fmt: skip
@@ -241,7 +249,8 @@ def _learn(options: argparse.Namespace, seed: int) -> dict[str, float]:
             commands.insert(0, ["pa_ros", "record", str(options.bag / str(seed))])
         try:
             started = [subprocess.Popen([sys.executable, "-P", "-m", *one]) for one in commands]
-            found = _Session(arm, options, design).run()
+            ended = lambda: any(process.poll() is not None for process in started)  # noqa: E731
+            found = _Session(arm, options, design, ended).run()
         finally:
             for process in reversed(started):
                 process.terminate()
@@ -261,17 +270,22 @@ def _learn(options: argparse.Namespace, seed: int) -> dict[str, float]:
 class _Session:
     """A person beside the arm, who scatters the blocks when asked, and looks at the scores."""
 
-    def __init__(self, arm: RehearsedArm, options: argparse.Namespace, design: Any) -> None:
-        self.arm, self.options = arm, options
+    def __init__(
+        self, arm: RehearsedArm, options: argparse.Namespace, design: Any, ended: Callable[[], bool]
+    ) -> None:
+        """`ended`: whether a node has ended, so that nothing more is learned."""
+        self.arm, self.options, self.ended = arm, options, ended
         self.frames, self.asked, self.scattered, self.answer = 0, False, False, None
+        self.scattered_ns = 0
         self.policy: PolicySnapshot | None = None
+        self.first: tuple[float, float] | None = None  # scores at the first look
         self.needed: tuple[int, int] | None = None  # frames and scatters; it stays solved then
         self.kept: list[tuple[int, int, PolicySnapshot]] = []  # with their frames and scatters
         speeds = tuple(options.scale * np.array(SIMULATED.CONFIG.joint_speed_limits))
         arena = SIMULATED.CONFIG.changed(joint_speed_limits=speeds)
         self.task = ReachTask(arena, design, TRAINING_SCORES_SEED)
         self.resume = arm.create_client(topics.RESUME[1], topics.RESUME[0])
-        self.next = KEEP_FRAMES
+        self.next = 0 if options.starts_from else KEEP_FRAMES
         topics.DIAGNOSTICS.subscribe(arm, self.on_diagnostics)
         topics.POLICY_WEIGHTS.subscribe(arm, self.on_weights)
         steady_timer(arm, LOOK_S, self.help)
@@ -293,9 +307,11 @@ class _Session:
         if not self.asked:
             self.answer, self.scattered = None, False
         elif not self.scattered:
-            self.scattered = True
+            self.scattered, self.scattered_ns = True, SIMULATED.now_ns()
             if self.frames:
                 self.arm.scatter_next()
+        elif SIMULATED.now_ns() - self.scattered_ns < FORGOTTEN_NS:
+            pass  # the robot still counts the blocks that were there before
         elif self.answer is None and self.resume.service_is_ready():
             self.answer = self.resume.call_async(self.resume.srv_type.Request())
         elif self.answer is not None and self.answer.done() and not self.answer.result().success:
@@ -309,17 +325,27 @@ class _Session:
 
     def score_kept(self) -> None:
         for frames, scatters, policy in self.kept:
-            share = self.score(policy, FEW_SCENES)
-            print(f"{frames} frames, {scatters} scatters: held out {share:.2f}", flush=True)
+            share, reward = self.score(policy, FEW_SCENES)
+            print(f"{frames} frames, {scatters} scatters: held out {share:.2f}, "
+                  f"reward {reward:.3f}", flush=True)  # fmt: skip
+            self.first = (share, reward) if self.first is None else self.first
             self.needed = (self.needed or (frames, scatters)) if share >= REACHED else None
         self.kept.clear()
 
-    def score(self, policy: PolicySnapshot, scenes: int) -> float:
-        """Share of new scenes in which the hand ends at what held-out words name."""
+    def score(self, policy: PolicySnapshot, scenes: int) -> tuple[float, float]:
+        """The share of new scenes in which the hand ends at what held-out words name, and the
+        reward in each step. The policy sees objects from the hand's wrong frame."""
         act = greedy(policy, self.task.config)
+        off = np.zeros(self.task.design.schema.width, np.float32)
+        off[0] = self.options.off
+
+        def acts(seen: Observation) -> Float64:
+            return act(replace(seen, objects=seen.objects - off), self.task.program)
+
         condition = "eval" if self.task.design.held_out else "train"
-        play = run_episodes(self.task, lambda seen: act(seen, self.task.program), condition, scenes)
-        return float(np.mean([score.success for score in play]))
+        scores = list(run_episodes(self.task, acts, condition, scenes))
+        share = np.mean([score.success for score in scores])
+        return float(share), float(np.mean([score.reward_per_step for score in scores]))
 
     def run(self) -> dict[str, float]:
         arm, frames = self.arm, self.options.frames
@@ -327,14 +353,20 @@ class _Session:
         arm.moved_at = 0.0  # the clock begins
         # Twice the arm's own time, and time to start.
         limit_s = frames * PERIOD_S * 2 + 600
-        if not spin_until(arm, lambda: self.frames >= frames, limit_s):
+        over = lambda: self.frames >= frames or self.ended()  # noqa: E731
+        if not spin_until(arm, over, limit_s) or self.frames < frames:
             print(f"expected {frames} frames in {limit_s:g} s, got {self.frames}")
         wall_s = time.monotonic() - began
         self.score_kept()
         assert self.policy is not None
         needed, scatters = self.needed or (frames, arm.scenes - 1)
+        share, reward = self.score(self.policy, self.options.scenes)
+        before = self.first or (share, reward)
         return {
-            "held_out_worst": self.score(self.policy, self.options.scenes),
+            "held_out_worst": share,
+            "reward": reward,
+            "held_out_before": before[0],
+            "reward_before": before[1],
             "frames": needed,
             "minutes": needed * PERIOD_S / 60,
             "scatters": scatters,

@@ -51,6 +51,11 @@ class ArenaConfig(Settings):
         description="whether the hand has the arm's gripper; then commands have one number more "
         "(it is on above 0), blocks are light, and arm and blocks touch",
     )
+    faults: bool = Field(
+        False,
+        description="whether commands come late or are lost, and poses of objects are noisy or "
+        "lost, as with a real arm",
+    )
     control_period_s: float = Field(0.1, gt=0, description="between two actions (paper)")
     episode_steps: int = Field(
         100, ge=1, description="actions of an episode; then it is truncated (paper)"
@@ -131,12 +136,15 @@ Preset = tuple[str, Mapping[str, Any]]
 # Each preset also sets the arm's joint speeds. In `fast` the arm passes through blocks (but touches
 # the table); learning then needs the fewest frames. In `paper` it pushes them.
 #
+# In `robot` the fast arm has the faults of a real one (`faults.py`).
+#
 # The presets `push…` are for programs that move blocks: the fast arm or the slow one, which touches
 # blocks, with actions that are velocities of the hand, or of the joints. The presets `hold…` add
 # the gripper.
 _VALUES: dict[str, Preset] = {
     "paper": ("paper", {}),
     "fast": ("fast", {"arm_touches_blocks": False}),
+    "robot": ("fast", {"arm_touches_blocks": False, "faults": True}),
     "push": ("fast", {"hand_speed": 0.5}),
     "push-joints": ("fast", {}),
     "push-slow": ("paper", {"hand_speed": 0.25}),

@@ -13,6 +13,7 @@ from pa_ros.arena.config import ArenaConfig, check_fits
 from pa_ros.arena.designs import Design, Kind
 from pa_ros.arena.episodes import Episode, generate
 from pa_ros.arena.errors import ArenaError
+from pa_ros.arena.faults import Faults
 from pa_ros.arena.kinematics import hand_controller
 from pa_ros.arena.simulation import HAND_INDEX, Simulation
 from pa_ros.core.experience import Float32, Float64, Observation, Verdict
@@ -167,6 +168,7 @@ class ReachTask:
         self.seed = seed
         self.simulation = Simulation(config, self.design.schema)
         self._episode: Episode | None = None
+        self._faults: Faults | None = None
         self._stamp_ns, self._period_ns = 0, config.control_period_ns
         self._step, self._limits = 0, np.array(config.command_limits)
 
@@ -193,6 +195,9 @@ class ReachTask:
         self.simulation.place(episode)
         self._episode, self._goal = episode, verifier
         self._step, self._programs = 0, 0
+        if self.config.faults:
+            self._faults = Faults(self.seed, episode.index, self.config.control_period_s)
+        self._look()
         self.program_id = f"{episode.index}.0"
         self._stamp_ns += self._period_ns
         return self._observe()
@@ -220,6 +225,9 @@ class ReachTask:
         and time stay; the goal may name nothing now."""
         self.simulation.rearrange(episode, poses, twists)
         self._episode = episode
+        if self._faults is not None:
+            self._faults.forget()
+        self._look()
         kinds = [block.kind for block in episode.blocks]
         self._goal.replace_blocks(kinds)
 
@@ -266,7 +274,10 @@ class ReachTask:
 
     def advance(self, command: Float64) -> tuple[Observation, Verdict]:
         """Act like `step`, with a command that is known to be finite and within limits."""
+        if self._faults is not None:
+            command = self._faults.command(command)
         self.simulation.advance(command)
+        self._look()
         self._step += 1
         self._stamp_ns += self._period_ns
         return self._observe()
@@ -282,12 +293,18 @@ class ReachTask:
             raise ArenaError("expected a reset before the first step", code="arena.episode")
         return self._episode
 
+    def _look(self) -> None:
+        """Measure the objects, once in each state: the faults draw random numbers."""
+        true, faults = self.simulation.objects(), self._faults
+        self._true = true
+        self._seen = true if faults is None else faults.measured(true, self.simulation.hand_pose)
+
     def _observe(self) -> tuple[Observation, Verdict]:
         observation = Observation(
             episode=self.episode.index,
             step=self._step,
             stamp_ns=self._stamp_ns,
-            objects=self.simulation.objects(),
+            objects=self._seen,
             joint_position=self.simulation.joint_position,
             joint_velocity=self.simulation.joint_velocity,
             hand_index=HAND_INDEX,
@@ -295,7 +312,7 @@ class ReachTask:
             hand_pose=self.simulation.hand_pose,
         )
         truncated = self._step >= self._goal.steps(self.config)
-        verdict = self._goal.verdict(observation.objects, observation.hand_pose, truncated)
+        verdict = self._goal.verdict(self._true, observation.hand_pose, truncated)
         return observation, verdict
 
 

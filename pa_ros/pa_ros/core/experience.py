@@ -93,10 +93,9 @@ class Executed:
 
     def answers(self, sent: Executed | None) -> bool:
         """Whether it is what became of a command, or what a person did at that step instead."""
-        return sent is not None and self.command in (
-            sent.command,
-            sent.command._replace(agent_id=PERSON),
-        )
+        if sent is None or self.command == sent.command:
+            return sent is not None
+        return self.command == sent.command._replace(agent_id=PERSON)
 
     def __eq__(self, other: object) -> bool:
         return (

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,13 +35,15 @@ from pa_ros.learning.checkpoint_files import (
 )
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.errors import CheckpointError, DivergedError
-from pa_ros.learning.learner import Counters, Learner
 from pa_ros.networks.config import NetworkConfig, actor_config
 from pa_ros.world import Scoring
 from pa_ros.world.world import World
 
+if TYPE_CHECKING:  # it starts from checkpoints
+    from pa_ros.learning.learner import Learner
+
 FORMAT = 4
-POLICIES = "policies.safetensors"
+ENGINE, POLICIES = "engine.safetensors", "policies.safetensors"
 ACTING = (METADATA, POLICIES)  # all that acting needs of a checkpoint
 # These settings may differ when resuming: they say where to compute, not what.
 FREE_TO_CHANGE = ("engine.name", "engine.device", "engine.threads")
@@ -81,7 +83,7 @@ def save_checkpoint(root: Path, learner: Learner, extra: dict[str, Any] | None =
     }
     files = {
         METADATA: [json.dumps(values, indent=1).encode()],
-        "engine.safetensors": packed(tensors),
+        ENGINE: packed(tensors),
         "replay.safetensors": packed(learner.replay.filled()),
         POLICIES: packed(policies),
     }
@@ -145,14 +147,41 @@ def restore(path: Path, learner: Learner) -> dict[str, Any]:
             f"checkpoint: {directory}: expected programs {values['programs']}, "
             f"got {list(learner.table.texts)}"
         )
-    learner.engine.load_tensors(load_arrays(directory / "engine.safetensors"))
+    learner.engine.load_tensors(load_arrays(directory / ENGINE))
     learner.replay.restore(load_arrays(directory / "replay.safetensors"), values["replay"])
     learner.rng.bit_generator.state = values["rng"]
-    learner.counters = Counters(**values["counters"])
+    learner.counters = replace(learner.counters, **values["counters"])
     learner.published.clear()
     learner.published.extend(_load_policies(directory, values))
     extra: dict[str, Any] = values["extra"]
     return extra
+
+
+def start_from(path: Path, learner: Learner) -> dict[str, NDArray[Any]]:
+    """Give a new learner the networks of a checkpoint; the weights of its actor, as
+    `Engine.tensors` names them. The replay buffer and Adam start anew.
+
+    A checkpoint for acting has no critic: the critic then knows words as the actor does, and starts
+    at its usual value. Raises CheckpointError for other networks, or if a file is missing.
+    """
+    directory, policy = find_checkpoint(path), load_policy(path)
+    if policy.architecture != learner.network.architecture:
+        raise CheckpointError(
+            f"learner.starts_from: {path}: expected networks {learner.network.architecture}, "
+            f"got {policy.architecture}"
+        )
+    ours, file = learner.engine.tensors(), directory / ENGINE
+    given = load_arrays(file) if file.is_file() else {}
+    for name in ours:
+        network, _, key = name.removeprefix("target_").partition(".")
+        if network == "actor":
+            ours[name] = policy.tensors[key]
+        elif name in given and not name.startswith("adam."):
+            ours[name] = given[name]
+        elif network == "critic" and not given and key in policy.tensors and "output" not in key:
+            ours[name] = policy.tensors[key]
+    learner.engine.load_tensors(ours)
+    return {name: ours[name] for name in ours if name.startswith("actor.")}
 
 
 def check_trained_with(

@@ -143,6 +143,11 @@ class LearnerConfig(Settings):
     SECTION: ClassVar[str] = "learner"
     ALGORITHM: ClassVar[str]  # its name in pa_ros.learning.algorithms.ALGORITHMS
 
+    starts_from: str = Field(
+        "",
+        description="a run's folder, or shipped:NAME, whose networks are the initial ones; empty: "
+        "random ones",
+    )
     schedule: Schedule = Schedule()
     exploration: ExplorationConfig = ExplorationConfig()
     replay: ReplayConfig = ReplayConfig()

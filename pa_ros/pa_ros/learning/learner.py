@@ -6,6 +6,7 @@ import math
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from pa_ros.core.extensions import guarded
 from pa_ros.core.update import Batch, Engine
 from pa_ros.language import Program
 from pa_ros.learning.algorithms import ALGORITHMS
+from pa_ros.learning.checkpoints import start_from
 from pa_ros.learning.config import LearnerConfig
 from pa_ros.learning.errors import DivergedError
 from pa_ros.learning.replay_buffer.buffer import Int64, ReplayBuffer
@@ -28,6 +30,9 @@ from pa_ros.world import Scoring, Trajectory
 from pa_ros.world.programs import ProgramTable
 
 LEARNER_STREAM = 2  # of default_rng([seed, stream])
+# A critic that knows nothing would spoil an actor that a learner starts from, so for so many
+# updates the critic learns alone.
+CRITIC_FIRST = 4000
 # If a trajectory is due at least so many updates, the state is saved before them, to return to it
 # if they diverge, and all of it is checked afterwards. That costs about as much as one update.
 SAVED_BEFORE = 80
@@ -91,6 +96,9 @@ class Learner:
         )
         make_engine = ALGORITHMS[config.ALGORITHM].make_engine
         self.engine: Engine = make_engine(network, config, self.table, self.rng)
+        self._given: dict[str, NDArray[Any]] = {}  # the actor, if it is a checkpoint's
+        if config.starts_from:
+            self._given = start_from(Path(config.starts_from), self)
         if attach := getattr(self.engine, "attach", None):
             attach(self)
         kept = config.schedule.versions_kept
@@ -119,6 +127,8 @@ class Learner:
         if updates >= SAVED_BEFORE:
             saved = _Saved(before, self.rng.bit_generator.state, self.engine.tensors())
         self.update(updates)
+        if self._given and self.counters.updates < CRITIC_FIRST:
+            self.engine.load_tensors(self.engine.tensors() | self._given)
         # Agents may act on these weights at once, so they are checked before they are published.
         newest = self._snapshot(self.counters.version + 1)
         self._check_finite(newest, saved)

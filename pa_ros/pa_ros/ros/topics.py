@@ -165,8 +165,9 @@ TF_STATIC = Topic("tf_static", TFMessage, LATCHED, LATCHED_READER)
 
 # From a robot's sensors.
 DETECTIONS = SensorTopic("detections", Detection3DArray, STEP, PICTURE)
-# A person who moves a robot's arm in the agent's place, as MoveIt Servo takes it.
+# A person who moves a robot's arm in the agent's place, as MoveIt Servo takes it: hand or joints.
 TAKEOVER = SensorTopic("takeover", TwistStamped, STEP, STEP)
+TAKEOVER_JOINTS = SensorTopic("takeover_joints", JointJog, STEP, STEP)
 
 
 def tracked_pose(name: str) -> Topic:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from control_msgs.action import GripperCommand
+from control_msgs.msg import JointJog
 from geometry_msgs.msg import Point, PoseStamped, TwistStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
@@ -201,6 +202,18 @@ def decode_takeover(message: TwistStamped) -> tuple[str, Float64, Float64]:
         for name, one in (("linear", linear), ("angular", angular))
     )
     return message.header.frame_id.removeprefix("/"), *read
+
+
+def decode_jog(message: JointJog, names: Sequence[str]) -> Float64:
+    """The velocities [J] (rad/s) of the named joints; 0 for a joint that the message leaves out.
+    Raises WireError."""
+    received = list(message.joint_names)
+    if not {*received} <= {*names} or len({*received}) != len(received):
+        expected = f"some of {list(names)}, each once"
+        raise WireError("takeover_joints.joint_names", expected, received, "wire.joint_names")
+    given = message.velocities, np.float64, (len(received),)
+    told = read_array("takeover_joints.velocities", *given, LARGEST)
+    return np.array([told[received.index(name)] if name in received else 0.0 for name in names])
 
 
 def encode_takeover(linear: Float64) -> TwistStamped:

@@ -5,6 +5,7 @@ Without ROS. The caller gives the time of its monotonic clock.
 
 from __future__ import annotations
 
+from collections import deque
 from contextlib import suppress
 from dataclasses import replace
 
@@ -35,6 +36,8 @@ from sim_node.robot.settings import HAND, Robot, pose_of
 
 COMMAND_TIMEOUT_S = 0.3  # without a command the arm holds: three control periods
 ARM_TIMEOUT_S = 0.2  # greatest age of the joints and the hand
+FOLLOW_STEPS, FOLLOW_RAD = 10, 0.1  # over so many steps, and if it is sent at least so far, …
+FOLLOWS = 0.02  # … an arm that moves less than this share does not follow: a person stopped it
 FRESH_S = 2.0  # greatest age of the objects with which it continues to learn
 AXES = np.hstack([np.eye(3), np.tile(IDENTITY[3:], (3, 1))])  # poses, [3, 7]
 TURN_M, DAMPING = 0.2, 1e-3  # how much turning counts beside moving; m²
@@ -84,6 +87,9 @@ class RealArm:
         self.believed = DeadReckoning(
             speeds.tolist(), config.control_period_s if point else SILENCE_S
         )
+        # How far the fastest joint moved in each step, and was to move; rad.
+        self._moves = deque[tuple[float, float]](maxlen=FOLLOW_STEPS)
+        self._joints_before: Float64 | None = None
         self._apart = np.zeros(3)  # m, from the model's hand to the measured one
         self._turned = np.eye(3)  # the rotation between them
         self.about = describe_robot(
@@ -197,6 +203,7 @@ class RealArm:
             raise ArenaError(_late("joint_states", now_s - joints.arrived_s), "robot.joints")
         position = self._as_learned(joints.position)
         self._apart = self._check_model(position, hand)
+        self._note_move(joints.position)
         late_s = now_s - at_hand.arrived_s + self.settings.arm_delay_s
         self.believed.measured(joints.position, late_s, now_s)
         velocity = joints.velocity
@@ -216,6 +223,18 @@ class RealArm:
         over = self.lessons is not None and step >= self.lessons.episode_steps
         verdict = self._verifier.verdict(objects, hand, over) if self._verifier else None
         return Step(self.seen, verdict, self.program, arena_id=self.about.arena_id)
+
+    def _note_move(self, position: Float64) -> None:
+        before = position if self._joints_before is None else self._joints_before
+        sent = float(np.abs(self.believed.velocity).max()) * self.about.control_period
+        self._moves.append((float(np.abs(position - before).max()), sent))
+        self._joints_before = position
+
+    @property
+    def follows(self) -> bool:
+        """Whether the arm moves as it is told, so that something can be learned from it."""
+        moved, sent = np.sum(self._moves, axis=0) if self._moves else (0.0, 0.0)
+        return bool(sent < FOLLOW_RAD or moved >= FOLLOWS * sent)
 
     def _hand_at(self, position: Float64) -> Float64:
         """The hand's pose [7] when the joints will be there, as far off the model's as measured."""
@@ -284,15 +303,21 @@ class RealArm:
 
     def twist(self, linear: Float64, angular: Float64, in_hand: bool) -> Float64:
         """The joint velocities [J] (rad/s) by which the hand moves so: m/s and rad/s [3] each, in
-        the base's frame or the hand's. Raises ArenaError (`robot.poses`) before it was measured."""
-        if self.seen is None:
-            raise ArenaError("takeover: expected an arm that is measured", code="robot.poses")
+        the base's frame or the hand's."""
+        assert self.seen is not None
         hand = self.model.hand(self.seen.joint_position)
         turn = hand.turn if in_hand else np.eye(3)
         wanted = np.concatenate([turn @ linear, TURN_M * (turn @ angular)])
         rows = np.concatenate([hand.jacobian[:3], TURN_M * hand.jacobian[3:]])
         square = rows @ rows.T + DAMPING * np.eye(len(rows))
-        velocity = rows.T @ np.linalg.solve(square, wanted)
+        return self._slowed(rows.T @ np.linalg.solve(square, wanted))
+
+    def jog(self, velocity: Float64) -> Float64:
+        """The joint velocities [J] (rad/s) for those of the driver's joints that a person wants."""
+        return self._slowed(self.joints.to_driver(velocity, velocity)[1])  # a sign is its inverse
+
+    def _slowed(self, velocity: Float64) -> Float64:
+        """Joint velocities [J] with no joint above its speed limit: all slow down together."""
         return np.asarray(velocity / max(1.0, np.abs(velocity / self.about.speed_limits).max()))
 
     def velocity(self, command: Command) -> Float64:

@@ -16,7 +16,7 @@ from pydantic import Field
 from pa_ros.arena.errors import ArenaError
 from pa_ros.core.clock import now_ns
 from pa_ros.core.errors import PaError
-from pa_ros.core.experience import PERSON, AgentKey, CommandKey, Executed, Step
+from pa_ros.core.experience import PERSON, AgentKey, CommandKey, Executed, Float64, Step
 from pa_ros.ros import topics
 from pa_ros.ros.executor import steady_timer
 from pa_ros.ros.health import ERROR, OK, WARN
@@ -31,6 +31,7 @@ from pa_ros.wire.robot import (
     Measurement,
     decode_detections,
     decode_driver_joints,
+    decode_jog,
     decode_takeover,
     decode_tracked,
     decode_transforms,
@@ -110,6 +111,7 @@ class RobotNode(ManagedNode):
             self._serve(topics.SCATTER, self._ask_for_blocks)
             self._serve(topics.RESUME, self._resume)
         self._listen(topics.TAKEOVER, self._on_takeover)
+        self._listen(topics.TAKEOVER_JOINTS, self._on_jog)
         self.subscribe(topics.PROGRAM, self._on_program)
         self.subscribe(topics.JOINT_COMMANDS, self._on_command)
 
@@ -254,8 +256,16 @@ class RobotNode(ManagedNode):
         if frame not in ("", settings.base_frame, settings.hand_frame):
             expected = f"{settings.base_frame!r} or {settings.hand_frame!r}"
             raise WireError("takeover.header.frame_id", expected, repr(frame), "wire.frame")
+        self._take_over(self.arm.twist(linear, angular, frame == settings.hand_frame))
+
+    def _on_jog(self, payload: bytes) -> None:
+        message = topics.TAKEOVER_JOINTS.parse(payload)
+        if message is not None:
+            self._take_over(self.arm.jog(decode_jog(message, self.arm.joints.names)))
+
+    def _take_over(self, velocity: Float64) -> None:
+        """Move the joints as a person wants, [J] rad/s."""
         self._check_obeys()
-        velocity = self.arm.twist(linear, angular, frame == settings.hand_frame)
         self.output.send(velocity)
         self._taken_at = self._commanded_at = time.monotonic()
 
@@ -267,7 +277,7 @@ class RobotNode(ManagedNode):
         """What the arm did since the last step, if one command led to it; call once per step."""
         applied, answered = self.output.applied(), self._answered
         self._answered = None
-        if answered is None or self.arm.settings.dry_run:
+        if answered is None or self.arm.settings.dry_run or not self.arm.follows:
             return None
         action = np.append(applied, answered.action[len(applied) :]).astype(np.float32)
         agent = PERSON if self._is_taken else answered.agent_id
@@ -319,6 +329,8 @@ class RobotNode(ManagedNode):
             raise ArenaError(f"expected an active robot_node, got {self.state}", "robot.inactive")
         if self._loss is not None:
             raise self._loss
+        if self.arm.seen is None:
+            raise ArenaError("expected an arm that is measured", code="robot.poses")
         if self._awaits_blocks:
             raise ArenaError(f"expected {topics.RESUME[0]} before the arm moves", "robot.scatter")
 
@@ -371,4 +383,6 @@ class RobotNode(ManagedNode):
             return OK, f"waits for a program ({topics.PROGRAM.name})"
         if self._commands_are_late():
             return WARN, f"holds: no agent's command ({topics.JOINT_COMMANDS.name})"
+        if not self.arm.follows and not self.arm.settings.dry_run:
+            return ERROR, "the arm does not follow what is sent: did its driver stop it?"
         return OK, "dry run: nothing is sent to the arm" if self.arm.settings.dry_run else "running"
