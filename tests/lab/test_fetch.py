@@ -3,6 +3,7 @@
 import sys
 from argparse import Namespace
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -67,14 +68,12 @@ def test_a_guided_episode_goes_on_to_the_goal_once_the_hand_is_at_the_block(robo
 
 
 def test_the_block_is_moved_slower_near_the_goal_and_rests_there(robotics) -> None:
-    class Full:
-        def infer(self, observed: Any, program: Any) -> Any:
-            return np.ones(4, np.float32)
+    full: Any = SimpleNamespace(infer=lambda observed, program: np.ones(4, np.float32))
 
     def speed(away: float) -> float:
         seen = {name: np.zeros(3) for name in ("achieved_goal", "desired_goal")}
         seen |= {"observation": np.zeros(25), "desired_goal": np.array([away, 0.0, 0.0])}
-        return float(fetch.slowed(Full(), seen)[0])
+        return float(fetch.slowed(full, seen)[0])
 
     assert [speed(away) for away in (0.02, 0.03, 0.065, 0.1, 0.2)] == pytest.approx(
         [0, 0, 0.5, 1, 1]
