@@ -87,8 +87,9 @@ def test_experiments_that_move_blocks_are_judged_by_success_and_named_by_what_di
     rows = [{"frames": 1e4, "wall_s": 9.0, "eval_greedy.success_rate": 0.95,
              "train_greedy.success_rate": 0.97}]  # fmt: skip
     assert summarize(0, rows, score=usual.score).frames_to_solve == 1e4
+    stacking = EXPERIMENTS["stack-2"]
     for tag, options in ABLATIONS.items():
-        assert replace(usual, tag=tag, options=options).settings != usual.settings
+        assert replace(stacking, tag=tag, options=options).settings != stacking.settings
 
 
 def go(folder: Path, experiment=SMALL) -> None:

@@ -295,16 +295,17 @@ class ReachTask:
 
     def _look(self) -> None:
         """Measure the objects, once in each state: the faults draw random numbers."""
-        true, faults = self.simulation.objects(), self._faults
-        self._true = true
-        self._seen = true if faults is None else faults.measured(true, self.simulation.hand_pose)
+        if self._faults is not None:
+            simulation = self.simulation
+            self._seen = self._faults.measured(simulation.objects(), simulation.hand_pose)
 
     def _observe(self) -> tuple[Observation, Verdict]:
+        true = self.simulation.objects()
         observation = Observation(
             episode=self.episode.index,
             step=self._step,
             stamp_ns=self._stamp_ns,
-            objects=self._seen,
+            objects=true if self._faults is None else self._seen,
             joint_position=self.simulation.joint_position,
             joint_velocity=self.simulation.joint_velocity,
             hand_index=HAND_INDEX,
@@ -312,7 +313,7 @@ class ReachTask:
             hand_pose=self.simulation.hand_pose,
         )
         truncated = self._step >= self._goal.steps(self.config)
-        verdict = self._goal.verdict(self._true, observation.hand_pose, truncated)
+        verdict = self._goal.verdict(true, observation.hand_pose, truncated)
         return observation, verdict
 
 
