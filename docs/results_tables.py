@@ -27,7 +27,8 @@ from laboratory.studies.generalization import Summary
 from laboratory.studies.generalization_figures import in_words
 from laboratory.studies.tables import read_rows
 from laboratory.studies.variants import Variant
-from laboratory.studies.zones import TracesRow
+from laboratory.studies.zones import CONDITIONS as ZONE_CONDITIONS
+from laboratory.studies.zones import NUMBERED, TracesRow
 from pa_ros.arena import design_named
 from pa_ros.evaluation.conditions import CONDITIONS
 from pa_ros.evaluation.pushing import EndsRow
@@ -136,14 +137,12 @@ STACKING = (  # likewise
     ("a held-out block in the hand", 0.95, "stack-2", ("hold-eval",)),
     ("reaching, of the script's score", 0.95, "stack-2", ("reach", "reach-eval")),
 )
-NUMBERED = tuple(f"formula-{i}" for i in range(1, 8))
-BLOCKED = tuple(f"formula-{i}-blocked" for i in range(1, 8))
 ZONES = (  # in words, aim, conditions
     ("any zone", 0.99, ("reach",)),
     ("one zone in the way, trained pairs", 0.0, ("blocked",)),
     ("one zone in the way, held-out pairs", 0.97, ("blocked-pairs",)),
     ("formulas", 0.98, NUMBERED),
-    ("formulas, blocked", 0.96, BLOCKED),
+    ("formulas, blocked", 0.96, [one for one in ZONE_CONDITIONS if one.endswith("-blocked")]),
     *((f"formula {one.removeprefix('formula-')}", 0.0, (one,)) for one in NUMBERED),
 )
 KEPT, LOWEST = ("train", "eval"), 6  # conditions on a card, and how many of the others

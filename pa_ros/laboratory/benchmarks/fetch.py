@@ -66,10 +66,8 @@ TABLE_M = np.array([1.34, 0.75, 0.42])  # the middle of the table, which is our 
 STEP_M = 0.05  # how far the hand moves in a step at most; also how far the fingers open
 STEPS = 100  # of a training episode, as in our arena; scored ones have Fetch's 50
 GUIDED = 0.8  # share of training episodes in which the hand first goes to the block, as in RHER
-SLOWED = (
-    0.6,
-    2.0,
-)  # shares of NEAR_M: the block is moved slower from the second on, and rests at the first
+# Shares of NEAR_M: the block is moved slower from the second on, and rests at the first.
+SLOWED = 0.6, 2.0
 
 RECIPES = {"push": "push", "pick": "stack"}
 CHANGED: dict[str, Any] = {
@@ -227,7 +225,8 @@ class FetchTask:
         rng = np.random.default_rng([self._seed, episode_index])
         self._episode, self._step = episode_index, 0
         seen, _ = self._env.reset(seed=int(rng.integers(2**31)))
-        beside = self._beside_m * np.array([*_direction(rng), 0.0])
+        angle = rng.uniform(0.0, 2 * pi)
+        beside = self._beside_m * np.array([cos(angle), sin(angle), 0.0])
         self._first_goal = seen["achieved_goal"] + beside if rng.random() < GUIDED else None
         return self._judged(seen, False)
 
@@ -251,12 +250,6 @@ class FetchTask:
         now = observed(seen, self.program, goal, (self._episode, self._step, self._stamp_ns))
         sets = (moved,), (PLACE,)
         return now, self.scoring.of_program(self.program, sets, now.objects, now.hand_pose)
-
-
-def _direction(rng: np.random.Generator) -> tuple[float, float]:
-    """A direction in the plane, [2]."""
-    angle = rng.uniform(0.0, 2 * pi)
-    return cos(angle), sin(angle)
 
 
 def success(env: str, act: Act, episodes: int, first_seed: int) -> float:
@@ -301,11 +294,8 @@ def train_ours(env: str, seed: int, frames: int, scores: _Scores) -> tuple[int, 
     settings = LearningSettings(recipe=RECIPES[env], **changed)
     network, number = settings.network.for_world(WORLD), count(1)
 
-    def greedy(actor: Actor) -> Act:
-        return partial(slowed, actor)
-
     def evaluate(actor: Actor) -> dict[str, float]:
-        return {"success": scores.add(next(number) * EVERY, greedy(actor))}
+        return {"success": scores.add(next(number) * EVERY, partial(slowed, actor))}
 
     with TemporaryDirectory() as name:
         config = TrainConfig(
@@ -315,7 +305,7 @@ def train_ours(env: str, seed: int, frames: int, scores: _Scores) -> tuple[int, 
         learner = train(config, *given, evaluate)
     actor = Actor(network, logic=PRODUCT)
     actor.load(learner.snapshot())
-    return learner.counters.frames, greedy(actor)
+    return learner.counters.frames, partial(slowed, actor)
 
 
 def slowed(actor: Actor, seen: Seen) -> Float32:
@@ -323,9 +313,8 @@ def slowed(actor: Actor, seen: Seen) -> Float32:
     arena alone."""
     left = float(np.linalg.norm(seen["achieved_goal"] - seen["desired_goal"])) / NEAR_M
     rests, full = SLOWED
-    return actor.infer(observed(seen, PUT), PUT) * np.float32(
-        np.clip((left - rests) / (full - rests), 0.0, 1.0)
-    )
+    speed = np.float32(np.clip((left - rests) / (full - rests), 0.0, 1.0))
+    return actor.infer(observed(seen, PUT), PUT) * speed
 
 
 def train_peer(env: str, name: str, seed: int, minutes: float, scores: _Scores) -> tuple[int, Act]:

@@ -232,7 +232,7 @@ class RealArm:
 
     @property
     def follows(self) -> bool:
-        """Whether the arm moves as it is told, so that something can be learned from it."""
+        """Whether the arm moves when it is told to. From one that does not, nothing is learned."""
         moved, sent = np.sum(self._moves, axis=0) if self._moves else (0.0, 0.0)
         return bool(sent < FOLLOW_RAD or moved >= FOLLOWS * sent)
 
