@@ -144,6 +144,7 @@ ZONES = (  # in words, aim, conditions
     ("formulas", 0.98, NUMBERED),
     ("formulas, blocked", 0.96, [one for one in ZONE_CONDITIONS if one.endswith("-blocked")]),
     *((f"formula {one.removeprefix('formula-')}", 0.0, (one,)) for one in NUMBERED),
+    ("the better of two first", 0.0, ("non-myopic",)),
 )
 KEPT, LOWEST = ("train", "eval"), 6  # conditions on a card, and how many of the others
 NOTHING = "–"  # not measured

@@ -144,3 +144,20 @@ def test_zones_that_do_not_fit_into_the_box_are_one_error() -> None:
     object.__setattr__(crowd, "n_blocks", 70)
     with pytest.raises(ArenaError, match="70 zones, 0.14 m apart .* don't fit into the box"):
         crowd.skill.draw(CONFIG, crowd, reach, 0, np.random.default_rng(0))
+
+
+def test_of_two_zones_equally_far_one_is_better_and_the_goal_does_not_say_which() -> None:
+    task = ReachTask(CONFIG, DESIGN, seed=3)
+    nearer = []
+    for episode in drawn("non-myopic", 8):
+        task.reset_to(episode)
+        worse, better, last = re.findall(r"[A-Z]{2,}", episode.formula)
+        assert episode.formula == f"!{worse} U ({better} & F {last})"
+        either, then = (set(stage.words) for stage in stages(episode.goal))
+        assert either == {better, worse} and then == {last}
+        where, hand = places(episode), task.simulation.positions[0]
+        first, second = (np.linalg.norm(where[one] - hand) for one in (better, worse))
+        beyond = [np.linalg.norm(where[last] - where[one]) for one in (better, worse)]
+        assert abs(first - second) < 0.02 and second + beyond[1] > 1.5 * (first + beyond[0])
+        nearer.append(first < second)
+    assert 0 < sum(nearer) < 8

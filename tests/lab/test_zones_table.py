@@ -9,6 +9,7 @@ from laboratory.studies.experiments import EXPERIMENTS
 from laboratory.studies.tables import read_rows, write_rows
 from laboratory.studies.zones import CONDITIONS, TracesRow, write_traces
 from pa_ros.arena.conditions import condition_named
+from pa_ros.evaluation import traces
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
 import results_tables  # noqa: E402  (a script beside the docs)
@@ -41,6 +42,23 @@ def test_seeds_that_were_scored_are_not_scored_again(tmp_path, monkeypatch) -> N
         (4, "reach"), (4, "blocked"), (3, "reach"), (3, "blocked")
     ]  # fmt: skip
     assert rows[0].success_rate == rows[0].straight_line_rate == 1.0
+    monkeypatch.setattr(zones, "CONDITIONS", ("reach", "blocked", "non-myopic"))
+    write_traces(table, {3: tmp_path / "three"}, episodes=2)
+    added = read_rows(table, TracesRow)[4:]
+    assert [(row.seed, row.condition) for row in added] == [(3, "non-myopic")]
+
+
+def test_the_straight_line_is_played_once_for_all_seeds(tmp_path, monkeypatch) -> None:
+    experiment, played = EXPERIMENTS["zones-8"], []
+    agent = SimpleNamespace(arena=experiment.arena, design=experiment.task, policy="scripted")
+    monkeypatch.setattr(zones, "load_agent", lambda run: agent)
+    monkeypatch.setattr(zones, "CONDITIONS", ("blocked",))
+    own = traces.reference_policy
+    monkeypatch.setattr(traces, "reference_policy", lambda *a: played.append(a[1]) or own(*a))
+    write_traces(tmp_path / "t.csv", {4: tmp_path, 5: tmp_path}, episodes=2)
+    assert played == ["scripted"] * 3  # of two agents, and one straight line
+    first, second = read_rows(tmp_path / "t.csv", TracesRow)
+    assert first.straight_line_rate == second.straight_line_rate == first.success_rate
 
 
 def test_the_table_has_medians_and_the_seeds_that_reach_the_aim(tmp_path, monkeypatch) -> None:

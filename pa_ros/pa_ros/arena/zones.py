@@ -63,6 +63,10 @@ FORMULAS = (
     "F (GREEN & F YELLOW) & G !(RED | PURPLE)",
 )
 ONE, BESIDE = "F RED", "!GREEN U RED"
+# Of two zones equally far, the one from which a third is nearer is better first. The goal says
+# either; what is judged, the better one.
+EITHER, BETTER_FIRST = "F ((RED | GREEN) & F YELLOW)", "!GREEN U (RED & F YELLOW)"
+EQUAL_M, LONGER = 0.02, 1.5  # difference of their distances; the other way is so much longer
 DRAWS = 40  # of letters for one scene
 
 ARM = replace(
@@ -125,7 +129,15 @@ class Zones(FormulaSkill):
     def conditions(self, design: Design) -> Iterator[Condition]:
         """The names say what is drawn: see `_formulas`."""
         numbered = [f"formula-{i}" for i in range(1, len(FORMULAS) + 1)]
-        names = ("reach", "blocked", "blocked-pairs", "formulas", "formulas-blocked", *numbered)
+        names = (
+            "reach",
+            "blocked",
+            "blocked-pairs",
+            "formulas",
+            "formulas-blocked",
+            "non-myopic",
+            *numbered,
+        )
         yield Condition("train", design.train, design.pool, design.n_blocks)
         for name in ("eval", *names, *(f"{one}-blocked" for one in numbered)):
             yield Condition(name, design.pool, design.pool, design.n_blocks, in_tables=False)
@@ -150,8 +162,9 @@ class Zones(FormulaSkill):
                     named = {letter: str(colors[i]) for letter, i in letters.items()}
                     goal = parse_goal(_named(str(_goal(formula)), named), design.vocabulary)
                     blocks = tuple(map(_zone, colors, *places.T.tolist()))
+                    judged = BETTER_FIRST if formula == EITHER else formula
                     return FormulaEpisode(index, condition.name, blocks, start, goal,
-                                   formula=_named(formula, named))  # fmt: skip
+                                   formula=_named(judged, named))  # fmt: skip
         raise ArenaError(f"condition {condition.name}: expected a scene that fits, found none in "
                          f"{PLACEMENT_TRIES}", code="arena.episode")  # fmt: skip
 
@@ -199,6 +212,8 @@ def _formulas(condition: str) -> tuple[str, ...]:
         return (BESIDE,)
     if condition == "formulas-blocked":  # the others avoid nothing
         return tuple(one for one in FORMULAS if "!" in one)
+    if condition == "non-myopic":
+        return (EITHER,)
     name = condition.removesuffix("-blocked").removeprefix("formula-")
     return FORMULAS if name == "formulas" else (FORMULAS[int(name) - 1],)
 
@@ -223,6 +238,13 @@ def _fits(
 ) -> bool:
     """Whether zones with these letters are as a condition's name says. Where the formula first
     avoids something, that is in the way, and a held-out pair or not."""
+    if condition == "non-myopic":
+        better, worse, last = places[[letters[one] for one in ("RED", "GREEN", "YELLOW")]]
+        first, second = np.linalg.norm([better - hand, worse - hand], axis=-1)
+        then, instead = np.linalg.norm([last - better, last - worse], axis=-1)
+        clear = _beside(hand, better, worse[None])[0] > RADIUS_M
+        equal, longer = abs(first - second) < EQUAL_M, second + instead > LONGER * (first + then)
+        return bool(clear and equal and longer)
     here = hand
     for program in stages(_goal(formula)):
         among = [letters[word] for word in program.relation_alone.words]

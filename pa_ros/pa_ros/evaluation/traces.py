@@ -29,11 +29,21 @@ class Traces:
     violations: float  # the episode ended because its goal was violated
 
 
-def traces(task: ReachTask, policy: AgentPolicy | str, condition: str, episodes: int) -> Traces:
-    """Play a policy and the straight line in episodes 0 … episodes − 1 of a condition."""
+def traces(
+    task: ReachTask,
+    policy: AgentPolicy | str,
+    condition: str,
+    episodes: int,
+    straight: float | None = None,
+) -> Traces:
+    """Play a policy and the straight line in episodes 0 … episodes − 1 of a condition.
+
+    `straight`: the straight line's share, where it is known.
+    """
     own = np.mean([*_played(task, policy, condition, episodes)], axis=0)
-    straight = np.mean([*_played(task, "scripted", condition, episodes)], axis=0)
-    return Traces(condition, episodes, float(own[0]), float(straight[0]), float(own[1]))
+    if straight is None:
+        straight = np.mean([*_played(task, "scripted", condition, episodes)], axis=0)[0]
+    return Traces(condition, episodes, float(own[0]), float(straight), float(own[1]))
 
 
 def _played(
