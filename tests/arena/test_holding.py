@@ -87,6 +87,15 @@ def test_a_held_block_moves_with_the_hand_until_the_cup_is_off(task: ReachTask) 
     assert task.simulation.positions[1][2] == pytest.approx(BLOCK_M / 2, abs=1e-3)
 
 
+def test_the_slow_arm_moves_as_far_in_a_step_and_its_script_builds() -> None:
+    fast, slow = preset_named("hold"), preset_named("hold-slow")
+    assert slow.hand_speed < fast.hand_speed
+    assert slow.hand_speed * slow.control_period_s == fast.hand_speed * fast.control_period_s
+    task = ReachTask(slow, STACK, seed=0)
+    *_, (_, verdict) = play(task, lambda _: scripted_action(task), task.reset(0, "eval"))
+    assert verdict.satisfied
+
+
 def test_the_command_that_stops_the_arm_keeps_what_it_holds(task: ReachTask) -> None:
     start(task, Block(RED_CUBE, 0.3, 0.3, 0.0), Block(BLUE_CUBE, -0.3, 0.3, 0.0), held=0)
     observation, _ = task.step(command(task, TAKE))

@@ -149,7 +149,8 @@ _VALUES: dict[str, Preset] = {
     "push-joints": ("fast", {}),
     "push-slow": ("paper", {"hand_speed": 0.25}),
     "hold": ("fast", {"hand_speed": 0.5, "gripper": True}),
-    "hold-slow": ("paper", {"hand_speed": 0.25, "gripper": True}),
+    # Half as fast and half as often, so that a step is as long.
+    "hold-slow": ("paper", {"hand_speed": 0.25, "control_period_s": 0.2, "gripper": True}),
 }
 PRESET_VALUES: Registry[Preset] = Registry("preset")
 """By name; those above, and those of extensions."""
