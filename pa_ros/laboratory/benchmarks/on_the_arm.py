@@ -25,6 +25,7 @@ from rosgraph_msgs.msg import Clock
 from laboratory.benchmarks.paced_robot import PACED
 from pa_ros.agents import greedy
 from pa_ros.arena import ReachTask, design_named
+from pa_ros.arena.camera import optical_pose
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import verify
@@ -40,15 +41,18 @@ from pa_ros.wire import Message
 from pa_ros.wire.diagnostics import decode_diagnostics
 from pa_ros.wire.fields import write_stamp
 from pa_ros.wire.learning import decode_weights
+from pa_ros.world.poses import IDENTITY, in_base
 
 EXAMPLES = Path(__file__).parents[3] / "docs/examples"
 (SIMULATED,) = load([str(EXAMPLES / "simulated_arm.py")])
+BELOW_TAG = np.array([0.0, 0.0, -0.031, *IDENTITY[3:]])  # an object's center, as in robot.yaml
 PERIOD_S, DRIVER_S = 0.1, 0.05  # of control, and of the driver where the clock is paced
 MARGIN_M = 0.02  # of the box (docs/robot.md)
 TINY = 1e-6  # rad/s
 REACHED, FEW_SCENES, KEEP_FRAMES = 0.9, 20, 3000  # what is solved; how often that is looked at
 STUCK_S, LOOK_S = 2.0, 0.5  # wall time
 STARTED_NS = 1_000_000_000_000
+PICTURE_NS, SIZE = 200_000_000, (800, 600)  # of pictures of tags while the clock is paced; px
 FORGOTTEN_NS = 3_000_000_000  # after which robot_node counts no block that it does not see
 
 
@@ -78,12 +82,15 @@ class RehearsedArm(SIMULATED.ArmDriver):  # type: ignore[misc,name-defined]
         self.lost: dict[str, int] = {}  # until when
         self.box, self.outside_m, self.too_fast, self.samples, self.fastest = box, 0.0, 0, 0, 0.0
         if paced:
-            own = {"steady_timer": lambda *_: None, "now_ns": lambda: self.now_ns}
+            own = {"steady_timer": lambda *_: None, "now_ns": lambda: self.now_ns, "SIZE": SIZE}
             vars(SIMULATED).update(own)
         super().__init__()
         self.scenes = 0
         self.scatter_next()
         self.clock = topics.ROS_CLOCK.publisher(self)
+        if self.tags:
+            (self.tracker,) = load([str(EXAMPLES / "tag_tracker.py")])
+            self.detector = self.tracker.finder()
         if paced:
             PACED.subscribe(self, self.on_done)
             steady_timer(self, LOOK_S, self.unstick)
@@ -136,12 +143,26 @@ class RehearsedArm(SIMULATED.ArmDriver):  # type: ignore[misc,name-defined]
         self.samples, self.entered = self.samples + 1, self.entered or outside <= 0
         if self.entered:
             self.outside_m = max(self.outside_m, outside - MARGIN_M)
+        if self.tags and self.paced and SIMULATED.now_ns() % PICTURE_NS == 0:
+            self.take_picture()
         limits = self.scale * np.array(SIMULATED.CONFIG.joint_speed_limits)
         self.fastest = max(self.fastest, float(np.max(np.abs(speeds) / limits)))
+
+    def take_picture(self) -> None:
+        """See the objects whose tags are found."""
+        self.camera.look(self.arm)
+        picture = self.thread.submit(self.camera.picture).result()
+        lens = _pose(optical_pose(self.arm.model, SIMULATED.VIEW))
+        names, found = list(self.objects), {}
+        for number, tag in self.tracker.find(self.detector, picture, self.matrix).items():
+            center = in_base(lens, in_base(_pose(tag), BELOW_TAG))
+            found[names[number]] = Body.at_rest(center[:3], center[3:])
+        self.see(found, SIMULATED.now_ns())
 
     def see(self, objects: dict[str, Body], stamp_ns: int) -> None:
         faults, rng = self.faults, self.rng
         seconds = DRIVER_S if self.paced else SIMULATED.PERIOD_S
+        seconds = PICTURE_NS / 1e9 if self.tags else seconds
         for name in objects:
             if rng.random() < faults.lost * seconds:
                 self.lost[name] = stamp_ns + 1_000_000_000
@@ -163,6 +184,10 @@ class RehearsedArm(SIMULATED.ArmDriver):  # type: ignore[misc,name-defined]
         return Body.at_rest(place, turn / np.linalg.norm(turn))
 
 
+def _pose(body: Body) -> Float64:
+    return np.concatenate([body.position, body.quaternion])
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the benchmark's options."""
     parser.add_argument("--design", default="2-L", help="what is learned (%(default)s)")
@@ -180,6 +205,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--off", type=float, default=0.0, help="of the hand's frame, along x, m")
     parser.add_argument("--starts-from", default="", help="a run or shipped:NAME, to continue from")
     parser.add_argument("--warmup", type=int, default=5000, help="frames before the first update")
+    parser.add_argument("--tags", action="store_true", help="a camera finds the objects' tags")
     parser.add_argument("--real-time", action="store_true", help="do not pace the clock")
     parser.add_argument("--bag", type=Path, help="folder for a recording of each run")
 
@@ -195,7 +221,7 @@ def run(options: argparse.Namespace) -> Report:
     prepare_environment()
     runs = []
     for seed in range(options.first_seed, options.first_seed + options.seeds):
-        rclpy.init(args=[])
+        rclpy.init(args=["--ros-args", "-p", f"tags:={str(options.tags).lower()}"])
         try:
             one = _learn(options, seed)
         finally:
@@ -228,7 +254,8 @@ def _learn(options: argparse.Namespace, seed: int) -> dict[str, float]:
     }
     described["workspace"]["lower"][2] = options.floor
     box = tuple(np.array(described["workspace"][end]) for end in ("lower", "upper"))
-    faults = replace(Faults(), reacts_s=options.reacts)
+    exact = {"noise_m": 0.0, "noise_rad": 0.0} if options.tags else {}  # the camera has its own
+    faults = replace(Faults(), reacts_s=options.reacts, **exact)
     arm = RehearsedArm(list(names), faults, seed, box, options.scale, not options.real_time)
     started: list[Any] = []
     with tempfile.TemporaryDirectory() as folder:
@@ -317,6 +344,9 @@ class _Session:
         elif self.answer is not None and self.answer.done() and not self.answer.result().success:
             print(self.answer.result().message, flush=True)
             self.answer = None
+            if self.options.tags:  # the hand hides one: put it elsewhere
+                self.scattered_ns = SIMULATED.now_ns()
+                self.arm.scatter_next()
         if self.frames >= self.next and self.policy is not None:
             self.kept.append((self.frames, self.arm.scenes - 1, self.policy))
             self.next = self.frames + KEEP_FRAMES
