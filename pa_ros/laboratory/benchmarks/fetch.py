@@ -72,6 +72,8 @@ SLOWED = 0.6, 2.0
 RECIPES = {"push": "push", "pick": "stack"}
 CHANGED: dict[str, Any] = {
     "learner.replay.warmup_frames": 2_000,
+    "learner.updates.per_frame": 2.0,
+    "learner.updates.published": 0.2,
     "network.family": "true-properties",  # there are no words to learn
     "network.position_scale": 40.0,  # since thresholds are half of our arena's
 }
