@@ -8,8 +8,10 @@ from laboratory.studies import zones
 from laboratory.studies.experiments import EXPERIMENTS
 from laboratory.studies.tables import read_rows, write_rows
 from laboratory.studies.zones import CONDITIONS, TracesRow, write_traces
+from pa_ros.arena import ReachTask
 from pa_ros.arena.conditions import condition_named
 from pa_ros.evaluation import traces
+from pa_ros.evaluation.evaluate import AgentPolicy
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
 import results_tables  # noqa: E402  (a script beside the docs)
@@ -49,12 +51,17 @@ def test_seeds_that_were_scored_are_not_scored_again(tmp_path, monkeypatch) -> N
 
 
 def test_the_straight_line_is_played_once_for_all_seeds(tmp_path, monkeypatch) -> None:
-    experiment, played = EXPERIMENTS["zones-8"], []
+    experiment, played = EXPERIMENTS["zones-8"], list[str]()
     agent = SimpleNamespace(arena=experiment.arena, design=experiment.task, policy="scripted")
     monkeypatch.setattr(zones, "load_agent", lambda run: agent)
     monkeypatch.setattr(zones, "CONDITIONS", ("blocked",))
     own = traces.reference_policy
-    monkeypatch.setattr(traces, "reference_policy", lambda *a: played.append(a[1]) or own(*a))
+
+    def play(task: ReachTask, name: str) -> AgentPolicy:
+        played.append(name)
+        return own(task, name)
+
+    monkeypatch.setattr(traces, "reference_policy", play)
     write_traces(tmp_path / "t.csv", {4: tmp_path, 5: tmp_path}, episodes=2)
     assert played == ["scripted"] * 3  # of two agents, and one straight line
     first, second = read_rows(tmp_path / "t.csv", TracesRow)
