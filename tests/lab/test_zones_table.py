@@ -1,6 +1,7 @@
 """The table of zones: scored once for each seed, and shown with what a straight line does."""
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,8 +11,9 @@ from laboratory.studies.tables import read_rows, write_rows
 from laboratory.studies.zones import CONDITIONS, TracesRow, write_traces
 from pa_ros.arena import ReachTask
 from pa_ros.arena.conditions import condition_named
+from pa_ros.core.experience import Float64, Observation
 from pa_ros.evaluation import traces
-from pa_ros.evaluation.evaluate import AgentPolicy
+from pa_ros.evaluation.evaluate import reference_policy
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
 import results_tables  # noqa: E402  (a script beside the docs)
@@ -55,11 +57,10 @@ def test_the_straight_line_is_played_once_for_all_seeds(tmp_path, monkeypatch) -
     agent = SimpleNamespace(arena=experiment.arena, design=experiment.task, policy="scripted")
     monkeypatch.setattr(zones, "load_agent", lambda run: agent)
     monkeypatch.setattr(zones, "CONDITIONS", ("blocked",))
-    own = traces.reference_policy
 
-    def play(task: ReachTask, name: str) -> AgentPolicy:
+    def play(task: ReachTask, name: str) -> Callable[[Observation], Float64]:
         played.append(name)
-        return own(task, name)
+        return reference_policy(task, name)
 
     monkeypatch.setattr(traces, "reference_policy", play)
     write_traces(tmp_path / "t.csv", {4: tmp_path, 5: tmp_path}, episodes=2)
