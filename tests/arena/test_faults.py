@@ -19,6 +19,7 @@ def test_poses_are_noisy_and_an_object_that_is_lost_keeps_its_own() -> None:
     off = seen[:, 1:, :3] - TRUE[1:, :3]
     assert off.std() == pytest.approx(NOISE_M, rel=0.03) and abs(off.mean()) < 2e-4
     assert 2 * seen[:, 1:, 3:6].std() == pytest.approx(NOISE_RAD, rel=0.03)
+    assert np.linalg.norm(seen[:, 1:, 3:7], axis=-1) == pytest.approx(1.0, abs=1e-6)
     kept = (seen[1:, 1:] == seen[:-1, 1:]).all(-1)
     assert kept.mean() == pytest.approx(DROPPED + LOST * LOST_S, rel=0.2)
     runs = np.diff(np.flatnonzero(np.diff(kept[:, 0].astype(int), prepend=0, append=0)))[::2]

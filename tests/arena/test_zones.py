@@ -11,6 +11,7 @@ from pa_ros.arena import (
     ReachTask,
     design_named,
     generate,
+    play,
     preset_for,
     preset_named,
     scripted_action,
@@ -105,6 +106,20 @@ def test_the_straight_line_reaches_zones_and_ignores_what_is_to_be_avoided() -> 
     assert (free.success_rate, free.violations) == (1.0, 0.0)
     assert blocked.success_rate == blocked.straight_line_rate <= 1 / 3 < blocked.violations
     assert traces(task, "random", "reach", 3).success_rate < 1.0
+
+
+def test_the_straight_line_is_straight() -> None:
+    task = ReachTask(CONFIG, DESIGN, seed=1)
+    for index in range(8):
+        start, task.simulation.way = task.reset(index, "reach"), []
+        for _, verdict in play(task, lambda _: scripted_action(task), start):
+            if verdict.satisfied:
+                break
+        way = np.array(task.simulation.way)
+        task.simulation.way = None
+        first, along = way[0], (way[-1] - way[0]) / np.linalg.norm(way[-1] - way[0])
+        beside = way - first - ((way - first) @ along)[:, None] * along
+        assert np.linalg.norm(beside, axis=1).max() < 0.01
 
 
 def test_a_way_has_the_hand_after_each_physics_step_and_changes_nothing() -> None:
