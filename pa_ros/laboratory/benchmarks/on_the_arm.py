@@ -52,7 +52,7 @@ TINY = 1e-6  # rad/s
 REACHED, FEW_SCENES, KEEP_FRAMES = 0.9, 20, 3000  # what is solved; how often that is looked at
 STUCK_S, LOOK_S = 2.0, 0.5  # wall time
 STARTED_NS = 1_000_000_000_000
-PICTURE_NS, SIZE = 200_000_000, (800, 600)  # of pictures of tags while the clock is paced; px
+SIZE = 800, 600  # px of a picture of tags, where the clock is paced
 FORGOTTEN_NS = 3_000_000_000  # after which robot_node counts no block that it does not see
 
 
@@ -143,7 +143,7 @@ class RehearsedArm(SIMULATED.ArmDriver):  # type: ignore[misc,name-defined]
         self.samples, self.entered = self.samples + 1, self.entered or outside <= 0
         if self.entered:
             self.outside_m = max(self.outside_m, outside - MARGIN_M)
-        if self.tags and self.paced and SIMULATED.now_ns() % PICTURE_NS == 0:
+        if self.tags and self.paced and self.now_ns % round(SIMULATED.PICTURE_S * 1e9) == 0:
             self.take_picture()
         limits = self.scale * np.array(SIMULATED.CONFIG.joint_speed_limits)
         self.fastest = max(self.fastest, float(np.max(np.abs(speeds) / limits)))
@@ -161,8 +161,8 @@ class RehearsedArm(SIMULATED.ArmDriver):  # type: ignore[misc,name-defined]
 
     def see(self, objects: dict[str, Body], stamp_ns: int) -> None:
         faults, rng = self.faults, self.rng
-        seconds = DRIVER_S if self.paced else SIMULATED.PERIOD_S
-        seconds = PICTURE_NS / 1e9 if self.tags else seconds
+        driver_s = DRIVER_S if self.paced else SIMULATED.PERIOD_S
+        seconds = SIMULATED.PICTURE_S if self.tags else driver_s
         for name in objects:
             if rng.random() < faults.lost * seconds:
                 self.lost[name] = stamp_ns + 1_000_000_000

@@ -63,10 +63,9 @@ FORMULAS = (
     "F (GREEN & F YELLOW) & G !(RED | PURPLE)",
 )
 ONE, BESIDE = "F RED", "!GREEN U RED"
-# Of two zones equally far, the one from which a third is nearer is better first. The goal says
-# either; what is judged, the better one.
+# RED and GREEN are equally far, YELLOW is nearer to RED. The goal is EITHER; BETTER_FIRST is judged.
 EITHER, BETTER_FIRST = "F ((RED | GREEN) & F YELLOW)", "!GREEN U (RED & F YELLOW)"
-EQUAL_M, LONGER = 0.02, 1.5  # difference of their distances; the other way is so much longer
+EQUAL_M, LONGER = 0.02, 1.5  # difference of the distances; how much longer the way by GREEN is
 DRAWS = 40  # of letters for one scene
 
 ARM = replace(
@@ -129,15 +128,8 @@ class Zones(FormulaSkill):
     def conditions(self, design: Design) -> Iterator[Condition]:
         """The names say what is drawn: see `_formulas`."""
         numbered = [f"formula-{i}" for i in range(1, len(FORMULAS) + 1)]
-        names = (
-            "reach",
-            "blocked",
-            "blocked-pairs",
-            "formulas",
-            "formulas-blocked",
-            "non-myopic",
-            *numbered,
-        )
+        names = ("reach", "blocked", "blocked-pairs", "formulas", "formulas-blocked", "non-myopic",
+                 *numbered)  # fmt: skip
         yield Condition("train", design.train, design.pool, design.n_blocks)
         for name in ("eval", *names, *(f"{one}-blocked" for one in numbered)):
             yield Condition(name, design.pool, design.pool, design.n_blocks, in_tables=False)
