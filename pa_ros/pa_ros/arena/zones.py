@@ -63,7 +63,7 @@ FORMULAS = (
     "F (GREEN & F YELLOW) & G !(RED | PURPLE)",
 )
 ONE, BESIDE = "F RED", "!GREEN U RED"
-# RED and GREEN are equally far, YELLOW is nearer to RED. EITHER is the goal, BETTER_FIRST is judged.
+# RED and GREEN are equally far, YELLOW is nearer to RED. EITHER is the goal, BETTER_FIRST judged.
 EITHER, BETTER_FIRST = "F ((RED | GREEN) & F YELLOW)", "!GREEN U (RED & F YELLOW)"
 EQUAL_M, LONGER = 0.02, 1.5  # difference of the distances; how much longer the way by GREEN is
 DRAWS = 40  # of letters for one scene
