@@ -18,18 +18,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import yaml
 from rosgraph_msgs.msg import Clock
 
 from laboratory.benchmarks.paced_robot import PACED
 from pa_ros.agents import greedy
-from pa_ros.arena import ReachTask, design_named
+from pa_ros.arena import Design, ReachTask, design_named, preset_for
 from pa_ros.arena.camera import optical_pose
+from pa_ros.arena.simulation import Simulation
 from pa_ros.bags.experience import Experience
 from pa_ros.bags.reader import Bag
 from pa_ros.bags.verify import verify
-from pa_ros.core.errors import PaError
+from pa_ros.core.errors import ConfigError, PaError
 from pa_ros.core.experience import Body, Float64, Observation, PolicySnapshot
 from pa_ros.core.extensions import load
 from pa_ros.core.text import Report
@@ -49,6 +51,7 @@ BELOW_TAG = np.array([0.0, 0.0, -0.031, *IDENTITY[3:]])  # an object's center, a
 PERIOD_S, DRIVER_S = 0.1, 0.05  # of control, and of the driver where the clock is paced
 MARGIN_M = 0.02  # of the box (docs/robot.md)
 TINY = 1e-6  # rad/s
+BLOCKS = 4  # on the table at once
 REACHED, FEW_SCENES, KEEP_FRAMES = 0.9, 20, 3000  # what is solved; how often that is looked at
 STUCK_S, LOOK_S = 2.0, 0.5  # wall time
 STARTED_NS = 1_000_000_000_000
@@ -68,14 +71,28 @@ class Faults:
     dropped: float = 0.02  # share of messages, in and out
 
 
+class TouchingArm(SIMULATED.SimulatedArm):  # type: ignore[misc,name-defined]
+    """Arm, blocks that it moves, and places, which have no bodies."""
+
+    def __init__(self, scene: int, tags: bool, kinds: Any) -> None:
+        if tags:
+            raise ConfigError("on_the_arm: --tags: expected a design without places")
+        simulation = Simulation(SIMULATED.CONFIG, SIMULATED.DESIGN.schema)
+        simulation.place(SIMULATED.scene_of(scene, kinds))
+        self.model, self.data = simulation.model, simulation.data
+        self.joints = SIMULATED.CONFIG.joints
+        self.velocity = np.zeros(self.joints)
+        mujoco.mj_forward(self.model, self.data)
+
+
 class RehearsedArm(SIMULATED.ArmDriver):  # type: ignore[misc,name-defined]
     """The simulated arm with faults, whose true motion is watched all the time."""
 
     def __init__(
-        self, kinds: Any, faults: Faults, seed: int, box: Any, scale: float, paced: bool
+        self, design: Design, faults: Faults, seed: int, box: Any, scale: float, paced: bool
     ) -> None:
         self.rng, self.faults = np.random.default_rng(seed), faults
-        self.all_kinds, self.paced, self.now_ns = kinds, paced, STARTED_NS
+        self.design, self.paced, self.now_ns = design, paced, STARTED_NS
         self.scale, self.entered = scale, False  # of speed; the hand has been in its box
         self.late: deque[tuple[int, Any]] = deque()  # velocities, and when they count
         self.seen: deque[tuple[int, dict[str, Body]]] = deque()
@@ -96,11 +113,16 @@ class RehearsedArm(SIMULATED.ArmDriver):  # type: ignore[misc,name-defined]
             steady_timer(self, LOOK_S, self.unstick)
         self.moved_at = time.monotonic()
 
+    def place(self, scene: int, kinds: Any = None) -> None:
+        """Put arm and objects where a scene of the arena begins; at first any of them."""
+        super().place(scene, kinds or [*self.design.pool[:BLOCKS], *self.design.places])
+
     def scatter_next(self) -> None:
-        """Scatter blocks as a person would: four of all, at new places."""
-        kinds = [self.all_kinds[i] for i in self.rng.permutation(len(self.all_kinds))[:4]]
+        """Scatter blocks as a person would: four of all, at new places; also what they move to."""
+        pool = self.design.pool
+        kinds = [pool[i] for i in self.rng.permutation(len(pool))[:BLOCKS]]
         self.scenes += 1
-        self.scatter(1000 + self.scenes, kinds)
+        self.scatter(1000 + self.scenes, [*kinds, *self.design.places])
 
     # Time
 
@@ -240,7 +262,8 @@ def _learn(options: argparse.Namespace, seed: int) -> dict[str, float]:
     """Learn with one seed on an arm of its own."""
     design = design_named(options.design)
     described = yaml.safe_load((EXAMPLES / "robot.yaml").read_text())
-    names = {kind: str(kind).lower().replace(" ", "_") for kind in design.pool}
+    there = (*design.pool, *design.places)
+    names = {kind: str(kind).lower().replace(" ", "_") for kind in there}
     described |= {
         "dry_run": False,
         "relay": options.real_time,
@@ -248,15 +271,24 @@ def _learn(options: argparse.Namespace, seed: int) -> dict[str, float]:
         "speed_scale": options.scale,
         "max_acceleration": options.ramp,
         "design": options.design,
+        "preset": design.preset,
         "hand_offset": [options.off, 0.0, 0.0],
         "objects": {n: {"words": [*k.values()], "frame": n} for k, n in names.items()},
-        "learning": {"blocks": 4, "scatter_every_min": options.minutes, "seed": seed},
+        "learning": {
+            "blocks": BLOCKS + len(design.places),
+            "scatter_every_min": options.minutes,
+            "seed": seed,
+        },
     }
     described["workspace"]["lower"][2] = options.floor
     box = tuple(np.array(described["workspace"][end]) for end in ("lower", "upper"))
     exact = {"noise_m": 0.0, "noise_rad": 0.0} if options.tags else {}  # the camera has its own
     faults = replace(Faults(), reacts_s=options.reacts, **exact)
-    arm = RehearsedArm(list(names), faults, seed, box, options.scale, not options.real_time)
+    config = preset_for(design)
+    if config.arm_touches_blocks:
+        own = {"CONFIG": config, "DESIGN": design, "SimulatedArm": TouchingArm}
+        vars(SIMULATED).update(own)
+    arm = RehearsedArm(design, faults, seed, box, options.scale, not options.real_time)
     started: list[Any] = []
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "robot.yaml"
