@@ -17,7 +17,7 @@ from learner_node.config import LearnerNodeConfig
 from learner_node.node import LearnerNode
 from pa_ros.learning.folder import claim
 from pa_ros.ros import topics
-from pa_ros.ros.health import ERROR, WARN
+from pa_ros.ros.health import ERROR
 from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.learning import encode_trajectory
 from sim_node.node import SimNode
@@ -127,8 +127,8 @@ def test_a_learner_leaves_a_strangers_arena_for_the_real_one() -> None:
         probe.speaker(topics.ARENA_INFO).publish(encode_arena_info(strange))
         assert probe.until(lambda: learner.worker is not None)
         probe.speaker(topics.TRAJECTORIES).publish(encode_trajectory(wide))
-        assert probe.until(lambda: "refuses trajectories" in probe.message("learner_node"))
-        assert probe.health["/learner_node"].level == WARN
+        # Counted for good; the message about it passes, and a busy machine may miss it.
+        assert probe.until(lambda: probe.value("learner_node", "refused.learning.size") == "1")
         probe.nodes += [SimNode(), AgentNode()]
         assert probe.until(lambda: float(probe.value("learner_node", "frames") or 0) > 100)
         assert learner.worker.run.info.thresholds == ARENA.thresholds
