@@ -17,6 +17,8 @@ requirements = $(shell $(BIN)/python -c "import tomllib; p = tomllib.load(open('
 
 # A ROS that is sourced sets it, to packages for another Python.
 unexport PYTHONPATH
+# Where it is set, each of the hundreds of processes that tests start compiles the packages anew.
+unexport PYTHONDONTWRITEBYTECODE
 export OMP_NUM_THREADS ?= 1
 
 .PHONY: help install run train test lint fuzz sanitize chaos links bench results reference \
