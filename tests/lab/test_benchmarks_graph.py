@@ -3,7 +3,11 @@
 Those of arena, agent and learner share one graph, which learns slowly: the machine is for them.
 """
 
+import json
 import math
+import os
+import subprocess
+import sys
 from argparse import Namespace
 from importlib.util import find_spec
 from pathlib import Path
@@ -72,6 +76,21 @@ def test_a_block_is_put_on_a_place_by_a_robot_with_a_gripper(monkeypatch):
     monkeypatch.setattr(stacking, "SETTLE_S", 0.5)
     monkeypatch.setattr(stacking, "CONDITION", "blocks-4")
     assert stacking.run(Namespace(scenes=1, told=0.03))["built"] == 1.0
+
+
+@pytest.mark.parametrize("given", [["--tags"], ["--design", "push-2"]])
+def test_an_arm_learns_as_its_camera_sees_tags_or_as_it_moves_blocks(given, tmp_path: Path):
+    if "--tags" in given:
+        pytest.importorskip("cv2", reason="the extra `camera` is not installed")
+        opengl()
+    file = tmp_path / "found.json"
+    short = "--frames", "100", "--scenes", "2", "--json", str(file)
+    command = [sys.executable, "-m", "laboratory", "on_the_arm", *short, *given]
+    paths = os.pathsep.join(path for path in sys.path if path)
+    subprocess.run(command, env={**os.environ, "PYTHONPATH": paths}, check=True)
+    found = json.loads(file.read_text())
+    assert found["arm.samples"] > 200  # two of the driver in each control period
+    assert found["arm.frames"] == 100 and found["arm.above_speed"] == 0
 
 
 @pytest.fixture(scope="module")
