@@ -64,13 +64,15 @@ BESIDE_M = {"push": 0.09, "pick": 0.0}  # of the block: where the hand first goe
 HAND_M = 0.04  # what NEAR means of the hand
 TABLE_M = np.array([1.34, 0.75, 0.42])  # the middle of the table, which is our base
 STEP_M = 0.05  # how far the hand moves in a step at most; also how far the fingers open
-STEPS = 100  # of a training episode, as in our arena; scored ones have Fetch's 50
+STEPS = 50  # of Fetch's episodes
+FALLEN_M = 0.40  # height of a block that has left the table, which ends a training episode
 GUIDED = 0.8  # share of training episodes in which the hand first goes to the block, as in RHER
 # Shares of NEAR_M: the block is moved slower from the second on, and rests at the first.
-SLOWED = 0.6, 2.0
+SLOWED = 0.4, 1.0
 
 RECIPES = {"push": "push", "pick": "stack"}
 CHANGED: dict[str, Any] = {
+    "learner.schedule.trajectory_steps": STEPS,
     "learner.replay.warmup_frames": 2_000,
     "learner.updates.per_frame": 2.0,
     "learner.updates.published": 0.2,
@@ -160,8 +162,8 @@ def report(scores: Sequence[FetchScore]) -> Report:
     return found
 
 
-def make(env: str, steps: int | None = None) -> gymnasium.Env[Any, Any]:
-    """One of ENVIRONMENTS, with Fetch's episodes or longer ones."""
+def make(env: str) -> gymnasium.Env[Any, Any]:
+    """One of ENVIRONMENTS."""
     import gymnasium_robotics
     import mujoco
     from gymnasium_robotics.utils import mujoco_utils
@@ -170,7 +172,7 @@ def make(env: str, steps: int | None = None) -> gymnasium.Env[Any, Any]:
     types = {name: int(one) for name, one in mujoco.mjtJoint.__members__.items()}
     mujoco_utils.mujoco = SimpleNamespace(**{**vars(mujoco), "mjtJoint": SimpleNamespace(**types)})
     gymnasium.register_envs(gymnasium_robotics)
-    return gymnasium.make(ENVIRONMENTS[env], max_episode_steps=steps)
+    return gymnasium.make(ENVIRONMENTS[env])
 
 
 class FetchScoring(Scoring):
@@ -216,7 +218,7 @@ class FetchTask:
 
     def __init__(self, env: str, seed: int) -> None:
         """`seed` and the index determine an episode."""
-        self._env, self._seed, self._beside_m = make(env, STEPS), seed, BESIDE_M[env]
+        self._env, self._seed, self._beside_m = make(env), seed, BESIDE_M[env]
         self.scoring: Scoring = FetchScoring({NEAR: HAND_M})
         self.program = PUT
         self._first_goal: Float64 | None = None
@@ -236,7 +238,7 @@ class FetchTask:
         """Act by Fetch's action, [4]."""
         seen, _, _, truncated, _ = self._env.step(joint_velocity.astype(np.float32))
         self._step += 1
-        return self._judged(seen, truncated)
+        return self._judged(seen, bool(truncated or seen["achieved_goal"][2] < FALLEN_M))
 
     def _judged(self, seen: Seen, truncated: bool) -> tuple[Observation, Verdict]:
         self._stamp_ns += round(self.control_period_s * 1e9)
