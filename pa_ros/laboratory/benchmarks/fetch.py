@@ -67,8 +67,6 @@ STEP_M = 0.05  # how far the hand moves in a step at most; also how far the fing
 STEPS = 50  # of Fetch's episodes
 FALLEN_M = 0.40  # height of a block that has left the table, which ends a training episode
 GUIDED = 0.8  # share of training episodes in which the hand first goes to the block, as in RHER
-# Shares of NEAR_M: the block is moved slower from the second on, and rests at the first.
-SLOWED = 0.4, 1.0
 
 RECIPES = {"push": "push", "pick": "stack"}
 CHANGED: dict[str, Any] = {
@@ -299,7 +297,7 @@ def train_ours(env: str, seed: int, frames: int, scores: _Scores) -> tuple[int, 
     network, number = settings.network.for_world(WORLD), count(1)
 
     def evaluate(actor: Actor) -> dict[str, float]:
-        return {"success": scores.add(next(number) * EVERY, partial(slowed, actor))}
+        return {"success": scores.add(next(number) * EVERY, partial(acted, actor))}
 
     with TemporaryDirectory() as name:
         config = TrainConfig(
@@ -309,16 +307,12 @@ def train_ours(env: str, seed: int, frames: int, scores: _Scores) -> tuple[int, 
         learner = train(config, *given, evaluate)
     actor = Actor(network, logic=PRODUCT)
     actor.load(learner.snapshot())
-    return learner.counters.frames, partial(slowed, actor)
+    return learner.counters.frames, partial(acted, actor)
 
 
-def slowed(actor: Actor, seen: Seen) -> Float32:
-    """The networks' action, slower near the goal: the rules of executing know the distances of our
-    arena alone."""
-    left = float(np.linalg.norm(seen["achieved_goal"] - seen["desired_goal"])) / NEAR_M
-    rests, full = SLOWED
-    speed = np.float32(np.clip((left - rests) / (full - rests), 0.0, 1.0))
-    return actor.infer(observed(seen, PUT), PUT) * speed
+def acted(actor: Actor, seen: Seen) -> Float32:
+    """The networks' action. The rules of executing know the distances of our arena alone."""
+    return actor.infer(observed(seen, PUT), PUT)
 
 
 def train_peer(env: str, name: str, seed: int, minutes: float, scores: _Scores) -> tuple[int, Act]:
