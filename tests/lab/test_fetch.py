@@ -3,7 +3,6 @@
 import sys
 from argparse import Namespace
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -67,17 +66,17 @@ def test_a_guided_episode_goes_on_to_the_goal_once_the_hand_is_at_the_block(robo
     assert now.step == fetch.STEPS
 
 
-def test_the_block_is_moved_slower_near_the_goal_and_rests_there(robotics) -> None:
-    full: Any = SimpleNamespace(infer=lambda observed, program: np.ones(4, np.float32))
-
-    def speed(away: float) -> float:
-        seen = {name: np.zeros(3) for name in ("achieved_goal", "desired_goal")}
-        seen |= {"observation": np.zeros(25), "desired_goal": np.array([away, 0.0, 0.0])}
-        return float(fetch.slowed(full, seen)[0])
-
-    assert [speed(away) for away in (0.02, 0.03, 0.065, 0.1, 0.2)] == pytest.approx(
-        [0, 0, 0.5, 1, 1]
-    )
+def test_a_training_episode_ends_when_the_block_has_left_the_table(robotics) -> None:
+    task = FetchTask("push", seed=0)
+    task.reset(0)
+    _, verdict = task.step(np.zeros(4))
+    assert not verdict.truncated
+    fetch_env: Any = task._env.unwrapped  # noqa: SLF001
+    beside_the_table = [1.7, 0.75, 0.1, 1.0, 0.0, 0.0, 0.0]
+    model, data = fetch_env.model, fetch_env.data
+    fetch_env._utils.set_joint_qpos(model, data, "object0:joint", beside_the_table)  # noqa: SLF001
+    _, verdict = task.step(np.zeros(4))
+    assert verdict.truncated
 
 
 def test_ours_and_a_peer_are_scored_on_the_same_episodes(robotics, tmp_path, monkeypatch) -> None:
