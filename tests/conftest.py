@@ -23,14 +23,12 @@ os.environ["ROS_DOMAIN_ID"] = UNMARKED = "a test without the marker `graph`"
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Share the tests among four processes (`-n 4`): one runs the graphs of tools and ROS, one
-    those of nodes, one all other graphs, and one the tests without a graph."""
+    """Share the tests among three processes (`-n 3`): one runs the graphs of tools and ROS, one all
+    other graphs, which take about as long, and one the tests without a graph."""
     for item in items:
         if item.get_closest_marker("graph") is not None:
-            folder = item.path.parent.name
-            group = "tools" if folder == "ros" else folder
-            group = group if group in ("tools", "nodes") else "others"
-            item.add_marker(pytest.mark.xdist_group(f"graph-{group}"))
+            of_tools = item.path.parent.name in ("tools", "ros")
+            item.add_marker(pytest.mark.xdist_group("graph-tools" if of_tools else "graph-nodes"))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
