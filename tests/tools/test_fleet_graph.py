@@ -103,5 +103,6 @@ def test_a_free_fleet_outlives_a_stopped_learner_and_the_learner_a_dead_arena(tm
         supervisor.stop(["arena2.sim_node"])
         learned = figures.value("learner_node", "version") or 0
         assert until(lambda: (figures.value("learner_node", "version") or 0) >= learned + 5)
-        counted = figures.value("learner_node", "rejected_trajectories") or 0
-        assert counted >= (figures.value("learner_node", "refused.learning.too_old") or 0)
+        told = lambda name: figures.value("learner_node", name) or 0  # noqa: E731
+        # The two are counted one after the other.
+        assert until(lambda: told("rejected_trajectories") >= told("refused.learning.too_old"))
