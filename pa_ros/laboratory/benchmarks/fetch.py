@@ -64,7 +64,7 @@ BESIDE_M = {"push": 0.09, "pick": 0.0}  # of the block: where the hand first goe
 HAND_M = 0.04  # what NEAR means of the hand
 TABLE_M = np.array([1.34, 0.75, 0.42])  # the middle of the table, which is our base
 STEP_M = 0.05  # how far the hand moves in a step at most; also how far the fingers open
-STEPS = 50  # of Fetch's episodes
+STEPS = 50  # of an episode, in training and where it is scored
 FALLEN_M = 0.40  # height of a block that has left the table, which ends a training episode
 GUIDED = 0.8  # share of training episodes in which the hand first goes to the block, as in RHER
 
@@ -311,7 +311,7 @@ def train_ours(env: str, seed: int, frames: int, scores: _Scores) -> tuple[int, 
 
 
 def acted(actor: Actor, seen: Seen) -> Float32:
-    """The networks' action. The rules of executing know the distances of our arena alone."""
+    """The networks' action alone: the rules of executing are made for our arena's distances."""
     return actor.infer(observed(seen, PUT), PUT)
 
 

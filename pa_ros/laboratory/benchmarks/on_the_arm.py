@@ -114,11 +114,11 @@ class RehearsedArm(SIMULATED.ArmDriver):  # type: ignore[misc,name-defined]
         self.moved_at = time.monotonic()
 
     def place(self, scene: int, kinds: Any = None) -> None:
-        """Put arm and objects where a scene of the arena begins; at first any of them."""
+        """Put arm and objects where a scene begins; without `kinds`, the first blocks of the design."""
         super().place(scene, kinds or [*self.design.pool[:BLOCKS], *self.design.places])
 
     def scatter_next(self) -> None:
-        """Scatter blocks as a person would: four of all, at new places; also what they move to."""
+        """Put some of the blocks, and all places, elsewhere, as a person would."""
         pool = self.design.pool
         kinds = [pool[i] for i in self.rng.permutation(len(pool))[:BLOCKS]]
         self.scenes += 1
