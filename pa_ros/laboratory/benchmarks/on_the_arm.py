@@ -114,7 +114,7 @@ class RehearsedArm(SIMULATED.ArmDriver):  # type: ignore[misc,name-defined]
         self.moved_at = time.monotonic()
 
     def place(self, scene: int, kinds: Any = None) -> None:
-        """Put arm and objects where a scene begins; without `kinds`, the first blocks of the design."""
+        """Put arm and objects where a scene begins; by default the first blocks of the design."""
         super().place(scene, kinds or [*self.design.pool[:BLOCKS], *self.design.places])
 
     def scatter_next(self) -> None:
