@@ -48,13 +48,13 @@ HOLD_STEPS = 5
 
 
 def make_arena(
-    design: str = "3-D", *, arm: str = "jaco", preset: str = "", seed: int = 0, perception: str = ""
+    design: str = "3-D", *, arm: str = "", preset: str = "", seed: int = 0, perception: str = ""
 ) -> Arena:
     """A simulated arena with a first scene.
 
     `design` says which blocks exist (2-C, 2-L, 3-C, 3-D; push-2 and push-3D, whose blocks can be
     moved), `arm` is jaco or panda, `preset` is fast or paper, or push for the designs of that name;
-    by default the design's. The same seed gives the same scenes. An agent that sees blocks through
+    by default the design's own, with its arm. The same seed gives the same scenes. An agent that sees blocks through
     a camera needs an arena with its `perception`. Raises ConfigError for unknown names.
     """
     return Arena(design, arm, preset, seed, perception)
@@ -76,7 +76,7 @@ def train(
     out: str | Path,
     frames: int = 30_000,
     seed: int = 0,
-    arm: str = "jaco",
+    arm: str = "",
     preset: str = "",
     resume: bool = False,
     evaluate_every: int = 10_000,

@@ -145,8 +145,10 @@ def test_the_world_says_where_near_begins_and_where_the_hand_may_be() -> None:
 
 def test_a_preset_and_an_arm_are_the_designs_own_unless_others_are_asked_for() -> None:
     assert (CONFIG.preset, CONFIG.arm) == ("zones", "panda-wide")
-    with pytest.raises(ConfigError, match="expected a preset of .* of panda, got 'zones'"):
-        ArenaChoice(design="zones-8", arm="panda").arena_config()
+    for arm in ("panda", "jaco"):  # the jaco is the arm of most presets
+        with pytest.raises(ConfigError, match=f"expected a preset of .* of {arm}, got 'zones'"):
+            ArenaChoice(design="zones-8", arm=arm).arena_config()
+    assert ArenaChoice(design="zones-8", arm="panda-wide").arena_config() == CONFIG
     assert ReachEnv(design="zones-8", observation="structured").config == CONFIG  # Gymnasium's
     PRESET_VALUES.register("test-slow", ("fast", {"hand_speed": 0.1, "thresholds": (0.1,)}))
     assert ArenaChoice(design="2-L", preset="test-slow").arena_config().hand_speed == 0.1

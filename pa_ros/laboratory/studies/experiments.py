@@ -46,7 +46,7 @@ class Experiment:
     network: str = "programmable"
     recipe: str = ""  # empty: the usual one of the design
     preset: str = ""  # of the arena; empty: the design's own
-    arm: str = "jaco"
+    arm: str = ""  # empty: the preset's own
     evaluate_every_frames: int = 2_500
     evaluation_episodes: int = 50
     options: Mapping[str, Any] = field(default_factory=dict)  # settings by dotted name
@@ -67,7 +67,7 @@ class Experiment:
             parts.append(f"{self.recipe}-recipe")
         if self.preset not in ("", design.preset):
             parts.append(f"{self.preset}-arm")
-        if self.arm != "jaco":
+        if self.arena.arm != preset_for(design, self.preset).arm:
             parts.append(self.arm)
         return ".".join([*parts, *filter(None, [self.tag])])
 

@@ -17,6 +17,7 @@ from pa_ros.core.settings import OneOf, Settings
 from pa_ros.world.relation import RELATIONS
 
 Joints = tuple[float, ...]  # one number for each joint of the arm
+USUAL_ARM = "jaco"
 
 
 class ArenaConfig(Settings):
@@ -26,10 +27,10 @@ class ArenaConfig(Settings):
 
     preset: str = Field("custom", description="name of these values")
     arm: Annotated[str, OneOf(lambda: ARMS)] = Field(
-        "jaco", description="the arm; all sizes follow from its joints"
+        USUAL_ARM, description="the arm; all sizes follow from its joints"
     )
     joint_speed_limits: tuple[PositiveFloat, ...] = Field(
-        next(iter(ARMS["jaco"].speeds.values())),
+        next(iter(ARMS[USUAL_ARM].speeds.values())),
         description="rad/s of each joint; commands are clamped to ±these",
     )
     thresholds: tuple[PositiveFloat, ...] = Field(
@@ -107,7 +108,7 @@ class ArenaConfig(Settings):
     @classmethod
     def _use_arm_defaults(cls, values: Any) -> Any:
         """Speeds that are not given are the arm's first."""
-        if isinstance(values, Mapping) and (arm := values.get("arm", "jaco")) in ARMS:
+        if isinstance(values, Mapping) and (arm := values.get("arm", USUAL_ARM)) in ARMS:
             return {"joint_speed_limits": next(iter(ARMS[arm].speeds.values())), **values}
         return values
 
@@ -158,15 +159,16 @@ for _name, _value in _VALUES.items():
     PRESET_VALUES.register(_name, _value)
 
 
-def preset_named(name: str, arm: str = "jaco") -> ArenaConfig:
-    """Look up a preset for an arm; ConfigError lists the known presets."""
+def preset_named(name: str, arm: str = "") -> ArenaConfig:
+    """Look up a preset for an arm, by default its own; ConfigError lists the known presets."""
     known = _presets(arm)
     if name not in known:
-        raise ConfigError(f"arena: expected a preset of {sorted(known)} of {arm}, got {name!r}")
+        of_arm = f" of {arm}" if arm else ""
+        raise ConfigError(f"arena: expected a preset of {sorted(known)}{of_arm}, got {name!r}")
     return known[name]
 
 
-def preset_for(design: Design, name: str = "", arm: str = "jaco") -> ArenaConfig:
+def preset_for(design: Design, name: str = "", arm: str = "") -> ArenaConfig:
     """A preset in which the design's programs can be executed; by default the design's own.
 
     Raises ConfigError for an unknown one, or for one that does not fit.
@@ -192,22 +194,22 @@ def check_fits(config: ArenaConfig, design: Design) -> None:
         )
 
 
-def _presets(arm: str) -> dict[str, ArenaConfig]:
-    """The presets of an arm: those for whose name it has speeds."""
+def _presets(arm: str = "") -> dict[str, ArenaConfig]:
+    """The presets of an arm, those for whose name it has speeds; or all, each of its own arm."""
     found = {}
     for name in PRESET_VALUES:
         of_arm, values = PRESET_VALUES[name]
-        own = values.get("arm", arm)  # in place of the usual arm
-        if (speeds := ARMS[own].speeds.get(of_arm)) is None or arm not in (own, "jaco"):
+        own = values.get("arm", arm or USUAL_ARM)
+        if (speeds := ARMS[own].speeds.get(of_arm)) is None or arm not in ("", own):
             continue
         if ARMS[own].gripper or not values.get("gripper"):
-            given = {"arm": arm, **values}
+            given = {"arm": own, **values}
             found[name] = ArenaConfig(preset=name, joint_speed_limits=speeds, **given)
     return found
 
 
-PRESETS = _presets("jaco")
-"""The presets of the Jaco."""
+PRESETS = _presets()
+"""The presets, each of its own arm."""
 
 
 class ArenaChoice(Settings):
@@ -219,8 +221,8 @@ class ArenaChoice(Settings):
     relations: tuple[Annotated[str, OneOf(lambda: RELATIONS)], ...] = Field(
         (), description="relations of the programs; empty: the design's own (in the paper NEAR)"
     )
-    arm: Annotated[str, OneOf(lambda: ARMS)] = Field(
-        "jaco", description="the arm in the middle of the table"
+    arm: Annotated[str, OneOf(lambda: ARMS, or_empty=True)] = Field(
+        "", description="the arm in the middle of the table; empty: the preset's own, mostly jaco"
     )
     preset: Annotated[str, OneOf(lambda: PRESET_VALUES, or_empty=True)] = Field(
         "",

@@ -47,13 +47,13 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         condition: str = "train",
         render_mode: str | None = None,
         reward: Reward | str | None = None,
-        arm: str | None = None,
+        arm: str = "",
         observation: Literal["flat", "structured"] = "flat",
         program_rows: int = PROGRAM_ROWS,
         relations: Sequence[str] = (),
     ) -> None:
         """`relations` are those of the programs; empty: the design's own. `preset` is the design's
-        by default, `arm` "jaco"; an ArenaConfig contains its own. `program_rows` is the number of
+        by default, `arm` the preset's; an ArenaConfig contains its own. `program_rows` is the number of
         instructions in a structured observation."""
         if observation not in ("flat", "structured"):
             raise ConfigError(f"gym: observation: expected flat or structured, got {observation!r}")
@@ -61,9 +61,9 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         if relations:
             self.design = self.design.with_relations(*relations)
         if not isinstance(preset, ArenaConfig):
-            preset = preset_for(self.design, preset, arm or "jaco")
+            preset = preset_for(self.design, preset, arm)
         self.config = preset
-        if arm not in (None, self.config.arm):
+        if arm not in ("", self.config.arm):
             raise ConfigError(
                 f"gym: arm: expected none beside an ArenaConfig of {self.config.arm}, got {arm!r}"
             )

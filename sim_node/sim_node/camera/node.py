@@ -100,7 +100,7 @@ class CameraNode(ManagedNode):
                 "which a camera would take for blocks; sim_node's perception sees such a world",
                 code="perception.camera",
             )
-        config = preset_named(arena.preset or "fast", arena.arm or "jaco")
+        config = preset_named(arena.preset or "fast", arena.arm)
         sight = sight_of(config, self._calibration)
         if (cameras := len(sight.views)) > 1:
             sight.close()
