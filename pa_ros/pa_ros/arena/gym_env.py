@@ -53,8 +53,8 @@ class ReachEnv(gymnasium.Env[Any, Float32]):
         relations: Sequence[str] = (),
     ) -> None:
         """`relations` are those of the programs; empty: the design's own. `preset` is the design's
-        by default, `arm` the preset's; an ArenaConfig contains its own. `program_rows` is the number of
-        instructions in a structured observation."""
+        by default, `arm` the preset's; an ArenaConfig contains its own. `program_rows` is the
+        number of instructions in a structured observation."""
         if observation not in ("flat", "structured"):
             raise ConfigError(f"gym: observation: expected flat or structured, got {observation!r}")
         self.design = design if isinstance(design, Design) else design_named(design)
