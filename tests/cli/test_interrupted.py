@@ -45,8 +45,8 @@ def test_ctrl_c_ends_an_experiment_with_the_seeds_that_were_to_follow(tmp_path):
     with command("experiment", "programmable-2L", "--seeds", "9", "--runs", tmp_path) as process:
         wait_for(lambda: list(tmp_path.rglob("progress.csv")), "a seed that learns")
         sent(process.pid, signal.SIGINT)
-        process.communicate(timeout=DEADLINE_S)
-    assert process.returncode == 130
+        _, error = process.communicate(timeout=DEADLINE_S)
+    assert process.returncode == 130, error
     assert len(list(tmp_path.rglob("progress.csv"))) == 1
 
 

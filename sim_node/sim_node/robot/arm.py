@@ -98,7 +98,7 @@ class RealArm:
             config.control_period_s,
             self._design.name,
             config.preset,
-            settings.arm,
+            config.arm,
             limits=limits,
         )
         thresholds, reward = tuple(self._scoring.thresholds.values()), self._scoring.reward
@@ -292,7 +292,7 @@ class RealArm:
         if apart > HAND_M or angle > HAND_RAD:
             raise ArenaError(
                 f"the hand is {apart:.2f} m and {angle:.1f} rad from where the model of "
-                f"{self.settings.arm} puts it: check the joints' order, signs and offsets, and "
+                f"{self.about.arm} puts it: check the joints' order, signs and offsets, and "
                 "base_frame, hand_frame and hand_offset",
                 code="robot.model",
             )

@@ -179,7 +179,7 @@ def read_robot(values: Any) -> Robot:
         raise ConfigError(f"gripper: expected {told}, as the preset {config.preset} has it")
     expected = config.joints
     if not isinstance(joints, list) or len(joints) != expected:
-        raise ConfigError(f"joints: expected a list of {expected} for {settings.arm}, got {joints}")
+        raise ConfigError(f"joints: expected a list of {expected} for {config.arm}, got {joints}")
     read = tuple(_entry(DriverJoint, f"joints[{i}]", one) for i, one in enumerate(joints))
     things = {name: _entry(Thing, f"objects.{name}", one)
               for name, one in _mapping("objects", objects).items()}  # fmt: skip
