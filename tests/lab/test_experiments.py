@@ -74,6 +74,9 @@ def test_labels_name_what_differs_from_the_defaults():
     paper = under_recipe(replace(usual, preset="paper", tag="k4"), "paper")
     assert paper.label == "programmable-2L.paper-recipe.paper-arm.k4"
     assert (paper.frames, under_recipe(usual, "ours").label) == (2_000_000, usual.label)
+    arms = {arm: replace(usual, arm=arm).label for arm in ("jaco", "panda")}
+    assert arms == {"jaco": usual.label, "panda": "programmable-2L.panda"}
+    assert EXPERIMENTS["zones-8"].label == "zones-8"  # whose own arm is not the jaco
     assert under_recipe(EXPERIMENTS["forgetting"], "paper").switch_frames == 2_500_000
     with pytest.raises(ConfigError, match="got 10"):
         replace(usual, frames=10)

@@ -46,7 +46,7 @@ from pa_ros.world.world import World
 OURS = "ours"
 PEERS = {"DDPG": "stable_baselines3", "TQC": "sb3_contrib"}
 ENVIRONMENTS = {"push": "FetchPush-v4", "pick": "FetchPickAndPlace-v4"}
-FRAMES = {"push": 60_000, "pick": 200_000}
+FRAMES = {"push": 60_000, "pick": 100_000}
 SOLVED = 0.95
 EVERY, TRIED, EPISODES = 10_000, 50, 100  # frames between scores; episodes of each, and at the end
 TRIED_SEED, EPISODES_SEED = 1_000_003, 2_000_003  # of episodes that training does not see
@@ -103,7 +103,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--env", choices=ENVIRONMENTS, default="push", help="(%(default)s)")
     parser.add_argument("--seeds", type=int, default=1, help="of each contender (%(default)s)")
     parser.add_argument("--first-seed", type=int, default=0, help="(%(default)s)")
-    parser.add_argument("--frames", type=int, help="of ours (push 60,000; pick 200,000)")
+    parser.add_argument("--frames", type=int, help="of ours (push 60,000; pick 100,000)")
     parser.add_argument(
         "--minutes", type=float, default=60.0, help="of a processor for each peer (%(default)s)"
     )
