@@ -2,6 +2,8 @@
 
 import ast
 import re
+import subprocess
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -119,3 +121,10 @@ def test_the_world_needs_numpy_alone():
     for module, path in SOURCES:
         if room(module) == "pa_ros.world":
             assert not {"torch", "mujoco", "gymnasium"} & {n.split(".")[0] for n in imports(path)}
+
+
+@pytest.mark.parametrize("node", ["agent_node", "learner_node"])
+def test_agents_and_learners_need_no_simulator(node: str):
+    probe = f"import sys, {node}.node; print('mujoco' in sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True)
+    assert loaded.stdout == "False\n", loaded.stderr

@@ -23,7 +23,8 @@ from pa_ros.core.experience import CommandKey, Executed, Float64, Observation, S
 from pa_ros.language import Goal
 from pa_ros.language.errors import ProgramError
 from pa_ros.perception import TOLD, VIEWS, calibrated, task_seen
-from pa_ros.provenance import describe, origin
+from pa_ros.provenance import origin
+from pa_ros.provenance.arena import describe
 from pa_ros.wire.arena import ArenaDescription, Mode
 from pa_ros.wire.diagnostics import Origin
 from pa_ros.wire.program import ProgramRequest, program_id_of

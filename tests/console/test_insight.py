@@ -22,7 +22,7 @@ from pa_ros.language import MIN_MAX, PRODUCT, parse, parse_goal, relevance
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.learning.recipes import LearningSettings
 from pa_ros.networks.parameters import initial_actor
-from pa_ros.provenance import describe
+from pa_ros.provenance.arena import describe
 from pa_ros.ros.refusals import Refusals
 from pa_ros.ros.topics import POLICY_WEIGHTS, PROVENANCE
 from pa_ros.tools.weights import AgentWeights

@@ -20,7 +20,7 @@ from pa_ros.console.scene import ArenaScene, label_heights
 from pa_ros.console.server import ConsoleError, ConsoleServer
 from pa_ros.console.settings import ConsoleSettings
 from pa_ros.core.experience import Step
-from pa_ros.provenance import describe
+from pa_ros.provenance.arena import describe
 
 
 def test_a_port_in_use_is_rejected():

@@ -21,7 +21,7 @@ from pa_ros.bags.writer import BagOptions, BagWriter
 from pa_ros.cli.main import main
 from pa_ros.core.experience import Body, Observation, Step, Verdict
 from pa_ros.language import Program, parse
-from pa_ros.provenance import describe
+from pa_ros.provenance.arena import describe
 from pa_ros.ros.topics import Topic
 from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.definitions import installed_types, message_type, to_cdr

@@ -19,7 +19,7 @@ from pa_ros.arena.camera import PICTURES
 from pa_ros.bags.film import RecordedScene
 from pa_ros.core.errors import ConfigError
 from pa_ros.core.experience import Step
-from pa_ros.provenance import describe
+from pa_ros.provenance.arena import describe
 from pa_ros.world.poses import in_base
 from pa_ros.world.schema import PLACE, Seen
 

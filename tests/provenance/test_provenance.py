@@ -4,7 +4,8 @@ from helpers.worlds import PROGRAMS, WORLD, dpg
 from pa_ros.arena import design_named, preset_named
 from pa_ros.learning.learner import Learner
 from pa_ros.networks.config import NetworkConfig
-from pa_ros.provenance import describe, learner_origin
+from pa_ros.provenance import learner_origin
+from pa_ros.provenance.arena import describe
 
 NETWORK = NetworkConfig(world=WORLD, hidden=6, attention=4)
 

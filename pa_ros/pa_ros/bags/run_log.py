@@ -17,7 +17,8 @@ from pa_ros.core.clock import now_ns
 from pa_ros.core.experience import PublishedPolicy
 from pa_ros.language import Program
 from pa_ros.learning.run import LearningRun
-from pa_ros.provenance import describe, learner_origin
+from pa_ros.provenance import learner_origin
+from pa_ros.provenance.arena import describe
 from pa_ros.wire import Message
 from pa_ros.wire.arena import encode_arena_info
 from pa_ros.wire.definitions import installed_types, to_cdr
