@@ -176,6 +176,20 @@ def test_the_controller_knows_the_arm_and_moves_its_hand(arm: str) -> None:
     assert axis[2] < -0.99
 
 
+@pytest.mark.parametrize("arm", ["jaco", "panda"])
+def test_a_hand_that_is_drawn_in_while_it_is_low_can_go_up(arm: str) -> None:
+    config = preset_named("push", arm)
+    controller = world_of(config, PUSH_2).controller
+    assert controller is not None
+    position, speeds = joints_at(config, 0.35, 0.0, 0.16), np.array(config.joint_speed_limits)
+    for action in (np.eye(3)[0] * -1.0, np.array([-1.0, 0.0, 1.0])):
+        for _ in range(30):
+            command = controller.joint_action(action.astype(np.float32), position)
+            position = np.clip(position + command * speeds * config.control_period_s,
+                               config.joint_lower, config.joint_upper)  # fmt: skip
+    assert controller.hand(position).place[2] > 0.37
+
+
 def test_a_world_with_a_controller_is_data_and_reaching_has_none() -> None:
     world = world_of(CONFIG, PUSH_2)
     assert World.from_json(world.to_json()) == world and world.actions == 3

@@ -13,6 +13,7 @@ from math import pi
 
 from pa_ros.arena.arms.arm import ArmModel, Joint, Range
 from pa_ros.arena.arms.chain import Base, Chain, HandCapsule, Link, Vector
+from pa_ros.world.controller import RADII
 
 # rad/s and N m [fci]; the gain is ours, as the Jaco's. Joints 1-4, then 5-7.
 _LARGE = (2.175, 87.0, 80.0)
@@ -65,4 +66,6 @@ PANDA = ArmModel(
     Chain(BASE, JOINTS, LINKS, HAND),
     block_angles=(-2.4, 2.4),
     gripper=HAND.cup,
+    # Nearer to the base the elbow is at its limit, and a hand drawn in could not go up again.
+    hand_radii_m=(0.26, RADII[1]),
 )
