@@ -8,7 +8,7 @@ import pytest
 from pa_ros.arena import ARMS, preset_named
 from pa_ros.arena.kinematics import hand_controller
 from pa_ros.core.errors import ConfigError
-from pa_ros.world.controller import HandController
+from pa_ros.world.controller import RADII, HandController
 
 JACO = tuple(joint.start for joint in ARMS["jaco"].joints)
 LOW = (3.1065, 4.341, 2.4074, 3.5513, 4.8528, -0.0012)  # the hand at the rim, as low as it goes
@@ -37,7 +37,8 @@ PANDA = (0.197, 0.0719, 0.0, -2.342, 0.0, 2.4139, 0.785)
 )  # fmt: skip
 def test_the_commands_never_change(joints, action, command) -> None:
     """The shipped agents that push learned with them."""
-    controller = hand_controller(preset_named("push", "jaco" if len(joints) == 6 else "panda"))
+    arm = "jaco" if len(joints) == 6 else "panda"
+    controller = replace(hand_controller(preset_named("push", arm)), radii=RADII)  # for any arm
     found = controller.joint_action(np.array(action, np.float32), np.array(joints))
     np.testing.assert_allclose(found, command, atol=1e-4)
     assert HandController.from_data(controller.to_data()) == controller
