@@ -14,7 +14,7 @@ from helpers.waiting import Clock
 from pa_ros.tools.domain import DomainClaim
 
 NICE = 10
-TOOLS = ("tools", "ros", "console", "extending")
+WITH_TOOLS = ("tools", "ros", "console", "extending")  # folders
 torch.set_num_threads(1)
 # On a busy machine a case may take long; tests never check how long.
 hypothesis.settings.register_profile("no deadline", deadline=None)
@@ -24,12 +24,12 @@ os.environ["ROS_DOMAIN_ID"] = UNMARKED = "a test without the marker `graph`"
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Share the tests among three processes (`-n 3`): one runs the graphs of the folders TOOLS, one
-    all other graphs, which take about as long, and one the tests without a graph."""
+    """Share the tests among three processes (`-n 3`): one runs the graphs of WITH_TOOLS, one all
+    other graphs, which take about as long, and one the tests without a graph."""
     for item in items:
         if item.get_closest_marker("graph") is not None:
-            of_tools = item.path.parent.name in TOOLS
-            item.add_marker(pytest.mark.xdist_group("graph-tools" if of_tools else "graph-nodes"))
+            group = "tools" if item.path.parent.name in WITH_TOOLS else "nodes"
+            item.add_marker(pytest.mark.xdist_group(f"graph-{group}"))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -54,9 +54,9 @@ def make_arena(
 
     `design` says which blocks exist (2-C, 2-L, 3-C, 3-D; push-2 and push-3D, whose blocks can be
     moved), `arm` is jaco or panda, `preset` is fast or paper, or push for the designs of that name;
-    by default the design's own, with its arm. The same seed gives the same scenes. An agent that
-    sees blocks through a camera needs an arena with its `perception`. Raises ConfigError for
-    unknown names.
+    by default the design's preset with that preset's arm. The same seed gives the same scenes. An
+    agent that sees blocks through a camera needs an arena with its `perception`. Raises ConfigError
+    for unknown names.
     """
     return Arena(design, arm, preset, seed, perception)
 

@@ -59,8 +59,8 @@ SCHEMA = ObjectSchema((PropertyGroup("kind", KINDS, OneHot(KINDS), bodiless=("PL
 WORLD = World(SCHEMA, SCHEMA.vocabulary.moving("PLACE"), joints=4)
 PUT = parse("NEAR(BLOCK, PLACE)", WORLD.vocabulary)
 REACH = parse("NEAR(HAND, PLACE)", WORLD.vocabulary)
-# What NEAR means of the block while it learns. Fetch's threshold is 0.05, by which agents are
-# scored; agents that learned by it often left the block a few millimeters outside.
+# How near the block must be to the goal for a reward. Agents are scored by Fetch's 0.05, but those
+# rewarded within 0.05 often left the block a few millimeters outside (as `REWARDED` in the arena).
 NEAR_M = 0.03
 BESIDE_M = {"push": 0.09, "pick": 0.0}  # of the block: where the hand first goes
 HAND_M = 0.04  # what NEAR means of the hand
@@ -175,10 +175,10 @@ def make(env: str) -> gymnasium.Env[Any, Any]:
 
 
 class FetchScoring(Scoring):
-    """As in the arena, but for the threshold between objects, also of the reward."""
+    """The arena's rule, except that NEAR_M decides where the block is near and is rewarded."""
 
     def of_measure(self, measure: Any, relation: str = NEAR, between: bool = False) -> Score:
-        """A measure's score."""
+        """Score measures of the hand, or `between` the block and the goal."""
         holds = measure <= (NEAR_M if between else self.threshold(relation))
         return Score(measure, holds, self.reward(holds, measure))
 

@@ -17,7 +17,7 @@ from pa_ros.core.settings import OneOf, Settings
 from pa_ros.world.relation import RELATIONS
 
 Joints = tuple[float, ...]  # one number for each joint of the arm
-USUAL_ARM = "jaco"
+USUAL_ARM = "jaco"  # of presets that name none
 
 
 class ArenaConfig(Settings):
@@ -195,7 +195,7 @@ def check_fits(config: ArenaConfig, design: Design) -> None:
 
 
 def _presets(arm: str = "") -> dict[str, ArenaConfig]:
-    """The presets of an arm, those for whose name it has speeds; or all, each of its own arm."""
+    """The presets that an arm has speeds for; without an arm all presets, each with its own."""
     found = {}
     for name in PRESET_VALUES:
         of_arm, values = PRESET_VALUES[name]
@@ -209,7 +209,7 @@ def _presets(arm: str = "") -> dict[str, ArenaConfig]:
 
 
 PRESETS = _presets()
-"""The presets, each of its own arm."""
+"""All presets, each with its own arm."""
 
 
 class ArenaChoice(Settings):

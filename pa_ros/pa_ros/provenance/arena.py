@@ -1,5 +1,7 @@
-"""The description that an arena publishes. A file of its own, since agents and learners need no
-simulator."""
+"""The description that an arena publishes.
+
+A file of its own: agents and learners import the package, but do not need the simulator.
+"""
 
 from __future__ import annotations
 
