@@ -181,7 +181,8 @@ def test_a_hand_that_is_drawn_in_while_it_is_low_can_go_up(arm: str) -> None:
     config = preset_named("push", arm)
     controller = world_of(config, PUSH_2).controller
     assert controller is not None
-    position, speeds = joints_at(config, 0.35, 0.0, 0.16), np.array(config.joint_speed_limits)
+    position = np.array(joints_at(config, 0.35, 0.0, 0.16))
+    speeds = np.array(config.joint_speed_limits)
     for action in (np.eye(3)[0] * -1.0, np.array([-1.0, 0.0, 1.0])):
         for _ in range(30):
             command = controller.joint_action(action.astype(np.float32), position)

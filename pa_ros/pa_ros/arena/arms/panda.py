@@ -64,7 +64,8 @@ PANDA = ArmModel(
     JOINTS,
     {"fast": (2.0,) * 4 + (2.5,) * 3, "paper": (0.5,) * 7},
     Chain(BASE, JOINTS, LINKS, HAND),
-    block_angles=(-2.4, 2.4),
+    # In front of the base: joint 1 ends behind it, so no hand can go from side to side there.
+    block_angles=(-1.5, 1.5),
     gripper=HAND.cup,
     # Nearer to the base the elbow is at its limit, and a hand drawn in could not go up again.
     hand_radii_m=(0.26, RADII[1]),
