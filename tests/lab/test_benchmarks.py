@@ -13,7 +13,6 @@ from laboratory.benchmarks.camera import Uses
 from laboratory.benchmarks.latency import Latencies
 from laboratory.benchmarks.peers import OURS, PeerScore, run_contender
 from laboratory.studies.tables import read_rows, write_rows
-from pa_ros.arena import preset_named
 from pa_ros.core.errors import ConfigError
 
 
@@ -64,10 +63,13 @@ def test_each_benchmark_says_its_options(name: str, capsys, monkeypatch) -> None
 
 def test_the_arena_is_fast_and_the_script_beats_chance(monkeypatch) -> None:
     monkeypatch.setattr(arena, "STEPS", 100)
-    monkeypatch.setattr(arena, "PRESETS", {"fast": preset_named("fast")})
-    found = {name: float(value) for name, value in arena.run(Namespace(episodes=1)).items()}
+    options = Namespace(episodes=1, arm="", presets=["fast"], design="2-L")
+    found = {name: float(value) for name, value in arena.run(options).items()}
     assert found["arena.fast.steps_per_s"] > 0
     assert found["arena.fast.NEAR.script"] > found["arena.fast.NEAR.random"]
+    options = Namespace(episodes=2, arm="panda", presets=["push"], design="push-2")
+    ends = [f"arena.push.{condition}.success" for condition in ("train", "eval", "pairs")]
+    assert arena.run(options) == dict.fromkeys(ends, 1.0)
 
 
 def score(name: str, frames: float, seconds: float, train: float) -> PeerScore:

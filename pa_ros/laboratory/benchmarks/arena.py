@@ -13,6 +13,8 @@ from pa_ros.arena import (
     ReachTask,
     design_named,
     mean_reward,
+    play,
+    preset_named,
     random_policy,
     scripted_action,
 )
@@ -27,19 +29,44 @@ STEPS = 5000  # of one measurement
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the benchmark's options."""
     parser.add_argument("--episodes", type=int, default=100, help="of each score (%(default)s)")
+    parser.add_argument("--arm", default="", help="default: the preset's own")
+    parser.add_argument(
+        "--presets", nargs="+", default=list(PRESETS), choices=PRESETS, metavar="NAME"
+    )
+    parser.add_argument(
+        "--design", default=DESIGN, help="one that moves blocks: its success (%(default)s)"
+    )
 
 
 def run(options: argparse.Namespace) -> Report:
-    """Speed of each preset, and reward per step by preset and relation."""
+    """Speed of each preset, and reward per step by preset and relation, or, of a design that moves
+    blocks, the share of episodes that end in success by preset and condition."""
     report: dict[str, float] = {}
-    for preset, config in PRESETS.items():
-        report[f"arena.{preset}.steps_per_s"] = speed(config)
+    design = design_named(options.design)
+    for preset in options.presets:
+        config, name = preset_named(preset, options.arm), f"arena.{preset}"
+        if design.places:
+            task = ReachTask(config, design, seed=0)
+            report |= {
+                f"{name}.{condition}.success": success(task, condition, options.episodes)
+                for condition in ("train", "eval", "pairs")
+            }
+            continue
+        report[f"{name}.steps_per_s"] = speed(config)
         for relation in [one for one in RELATIONS if one not in (HOLD, ON)]:  # of any hand
-            design = design_named(DESIGN).with_relations(relation)
-            task, name = ReachTask(config, design, seed=0), f"arena.{preset}.{relation}"
-            report[f"{name}.script"] = mean_reward(task, scripted_action, options.episodes)
-            report[f"{name}.random"] = mean_reward(task, random_policy(0), options.episodes)
+            task = ReachTask(config, design.with_relations(relation), seed=0)
+            for policy, act in ("script", scripted_action), ("random", random_policy(0)):
+                report[f"{name}.{relation}.{policy}"] = mean_reward(task, act, options.episodes)
     return report
+
+
+def success(task: ReachTask, condition: str, episodes: int) -> float:
+    """The share of episodes that the script ends in success."""
+    ends = [
+        list(play(task, lambda _: scripted_action(task), task.reset(episode, condition)))[-1]
+        for episode in range(episodes)
+    ]
+    return float(np.mean([verdict.satisfied for _, verdict in ends]))
 
 
 def speed(config: ArenaConfig) -> float:
