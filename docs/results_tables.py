@@ -137,6 +137,7 @@ STACKING = (  # likewise
     ("a held-out block in the hand", 0.95, "stack-2", ("hold-eval",)),
     ("reaching, of the script's score", 0.95, "stack-2", ("reach", "reach-eval")),
 )
+STACKING_ARMS = {"stack-2": "fast", "stack-2.hold-slow-arm": "slow", "stack-2.panda": "Panda"}
 ZONES = (  # in words, aim, conditions
     ("any zone", 0.99, ("reach",)),
     ("one zone in the way, trained pairs", 0.0, ("blocked",)),
@@ -434,6 +435,22 @@ def claims(of: Sequence[tuple[str, float, str, Sequence[str]]] = CLAIMS) -> str:
     return table(head, rows, missing)
 
 
+def stacking_arms() -> str:
+    """The claims of STACKING by arm: the median of seeds, and the worst one."""
+    ends = {arm: ends_of(label) for label, arm in STACKING_ARMS.items()}
+    head = ["", *(f"{arm}, {len({row.seed for row in rows})} seeds" for arm, rows in ends.items())]
+
+    def cell(rows: Sequence[EndsRow], conditions: Sequence[str]) -> str:
+        measure = "normalized" if "reach" in conditions else "success"
+        values = by_seed([row for row in rows if row.condition in conditions], measure)
+        return f"{median(values):.2f}, {min(values):.2f}"
+
+    return table(head, (
+        (words, *(cell(rows, conditions) for rows in ends.values()))
+        for words, _, _, conditions in STACKING
+    ))  # fmt: skip
+
+
 def zones() -> str:
     """Shares of episodes in which formulas hold, by the number of zones."""
     found, rows, head = {}, [], ["", "Aim"]
@@ -463,7 +480,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "relations": relations, "views": views,
     "detectors": detectors, "equalities": equalities,
     "variants": variants, "peers": peers, "baselines": baselines, "claims": claims,
-    "stacking": partial(claims, STACKING), "zones": zones,
+    "stacking": partial(claims, STACKING), "stacking_arms": stacking_arms, "zones": zones,
 }  # fmt: skip
 
 
