@@ -34,10 +34,11 @@ MEANT, SURELY = 0.5, 0.75
 # Shares of a relation's threshold: pushing stops at the first, and is slowed up to the second.
 # Actions that are joint velocities can move the hand faster, so they are slowed earlier.
 SLOWED, JOINTS_SLOWED = (0.6, 1.2), (0.0, 3.0)
-# What is to rest somewhere is brought there from above. Over it, the hand goes to its middle, comes
-# down once it is this near to it, and lets go when no joint is faster than this (rad/s); then it
-# rises. Both ways at these parts of full speed.
-FROM_ABOVE_M, CENTERED_M, STILL, LOWERING, LEAVING = 0.03, 0.006, 0.1, 0.2, 0.3
+# What is to rest somewhere is brought there from above. Within the second length beside its middle,
+# where networks may stop, the hand goes to the middle, comes down once it is this near to it, and
+# lets go when no joint is faster than this (rad/s); then it rises. Both ways at these parts of full
+# speed.
+FROM_ABOVE_M, OVER_M, CENTERED_M, STILL, LOWERING, LEAVING = 0.03, 0.06, 0.006, 0.1, 0.2, 0.3
 NEAR_M = 0.15  # sideways: what it must be above
 TOUCHED_M = 0.06  # from where the hand would hold it: an object that it may touch
 UP = 2  # of the axes of an action
@@ -155,11 +156,11 @@ class Actor(Policy):
         assert controller is not None
         step = controller.hand_speed * controller.period_s  # m, at full speed
         beside = hypot(*way)
-        if beside <= ON_BESIDE_M:
+        if above < FROM_ABOVE_M / 2 and beside > ON_BESIDE_M:  # so low that it would push or drag
+            action[:UP] = 0.0
+        elif beside <= OVER_M:
             # Half of the way in a step, so that an arm that is a step late does not swing.
             action[:UP] = way / max(2 * step, beside / LOWERING)
-        elif above < FROM_ABOVE_M / 2:  # so low that it would push or drag
-            action[:UP] = 0.0
         over = beside <= CENTERED_M
         action[UP] = -LOWERING if over else max(action[UP], min((FROM_ABOVE_M - above) / step, 1.0))
         return over
