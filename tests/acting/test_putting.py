@@ -88,9 +88,21 @@ def test_a_block_comes_to_the_middle_before_it_is_put_down(
     assert done == pytest.approx([*action, 1.0], abs=0.01)
 
 
-def test_a_block_that_is_far_and_low_only_rises(task: ReachTask, actor: Actor) -> None:
-    out, left, up, holds = actor.act(held_over(task, 0.1, 0.0, 0.01), ON).tolist()
+@pytest.mark.parametrize("out", [0.05, 0.1])
+def test_a_block_that_is_beside_and_low_only_rises(
+    out: float, task: ReachTask, actor: Actor
+) -> None:
+    out, left, up, holds = actor.act(held_over(task, out, 0.0, 0.01), ON).tolist()
     assert (out, left, holds) == (0.0, 0.0, 1.0) and up >= 0.4
+
+
+def test_a_block_goes_to_the_middle_from_where_networks_may_stop(
+    task: ReachTask, actor: Actor
+) -> None:
+    action = actor.act(held_over(task, 0.055, 0.0, 0.03), ON)
+    assert action[:2].tolist() == pytest.approx([-0.2, 0.0], abs=0.01)
+    action = actor.act(held_over(task, 0.065, 0.0, 0.03), ON)
+    assert action[:2].tolist() != pytest.approx([-0.2, 0.0], abs=0.01)
 
 
 def test_the_empty_hand_comes_down_over_the_middle(task: ReachTask, actor: Actor) -> None:
