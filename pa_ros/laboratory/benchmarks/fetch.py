@@ -47,7 +47,6 @@ OURS = "ours"
 PEERS = {"DDPG": "stable_baselines3", "TQC": "sb3_contrib"}
 ENVIRONMENTS = {"push": "FetchPush-v4", "pick": "FetchPickAndPlace-v4"}
 FRAMES = {"push": 60_000, "pick": 100_000}
-UPDATES, HALF_LIFE = {"push": 4.0, "pick": 2.0}, 80_000  # per frame; frames
 SOLVED = 0.95
 EVERY, TRIED, EPISODES = 10_000, 50, 100  # frames between scores; episodes of each, and at the end
 TRIED_SEED, EPISODES_SEED = 1_000_003, 2_000_003  # of episodes that training does not see
@@ -74,6 +73,8 @@ GUIDED = 0.8  # share of training episodes in which the hand first goes to the b
 CHANGED: dict[str, Any] = {
     "learner.schedule.trajectory_steps": STEPS,
     "learner.replay.warmup_frames": 2_000,
+    "learner.updates.per_frame": 2.0,
+    "learner.optimizer.half_life": 160_000,
     "network.family": "true-properties",  # there are no words to learn
     "network.position_scale": 40.0,  # since thresholds are half of our arena's
 }
@@ -292,12 +293,7 @@ class _Scores:
 
 def train_ours(env: str, seed: int, frames: int, scores: _Scores) -> tuple[int, Act]:
     """Train by the recipe; the frames that it took, and the policy."""
-    changed = {
-        **CHANGED,
-        "learner.updates.per_frame": UPDATES[env],
-        "learner.optimizer.half_life": HALF_LIFE * UPDATES[env],
-        "learner.hindsight.in_air": env == "pick",
-    }
+    changed = {**CHANGED, "learner.hindsight.in_air": env == "pick"}
     settings = LearningSettings(recipe=STACK, **changed)
     network, number = settings.network.for_world(WORLD), count(1)
 
