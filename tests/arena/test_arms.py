@@ -130,6 +130,7 @@ def test_blocks_lie_within_the_sector_of_the_arm() -> None:
         task.reset(episode)
         x, y = task.simulation.positions[1:, :2].T
         assert (np.abs(np.arctan2(y, x)) <= ARMS["panda"].block_angles[1]).all()
+        assert abs(task.episode.arm_start[0]) + ARMS["panda"].block_angles[1] < np.pi
 
 
 @every_arm

@@ -24,9 +24,10 @@ _TURN: Range = (-2.8973, 2.8973)  # rad [fci]
 
 # The start: hand 0.40 m from the base axis, 0.28 m above the table, pointing down. The working
 # range is a part of Franka's limits in which the hand, more or less pointing down, can be near any
-# place where blocks are put: in front of the base, since joint 1 ends behind it.
+# place where blocks are put. They lie so far in front of the base that the shortest way to a block
+# never leads through the back, where joint 1 ends.
 JOINTS = (
-    Joint("panda_joint1", _TURN, *_LARGE, 0.0, -2.0, 2.0),
+    Joint("panda_joint1", _TURN, *_LARGE, 0.0, -1.8, 1.8),
     Joint("panda_joint2", (-1.7628, 1.7628), *_LARGE, -0.390, -1.2, 0.75),
     Joint("panda_joint3", _TURN, *_LARGE, 0.0, -0.5, 0.5),
     Joint("panda_joint4", (-3.0718, -0.0698), *_LARGE, -2.609, -3.05, -1.6),
@@ -64,7 +65,7 @@ PANDA = ArmModel(
     JOINTS,
     {"fast": (2.0,) * 4 + (2.5,) * 3, "paper": (0.5,) * 7},
     Chain(BASE, JOINTS, LINKS, HAND),
-    block_angles=(-1.5, 1.5),
+    block_angles=(-1.3, 1.3),
     gripper=HAND.cup,
     # Nearer to the base the elbow is at its limit, and a hand drawn in could not go up again.
     hand_radii_m=(0.26, RADII[1]),
