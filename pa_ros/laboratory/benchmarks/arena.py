@@ -62,11 +62,12 @@ def run(options: argparse.Namespace) -> Report:
 
 def success(task: ReachTask, condition: str, episodes: int) -> float:
     """The share of episodes that the script ends in success."""
-    ends = [
-        list(play(task, lambda _: scripted_action(task), task.reset(episode, condition)))[-1]
-        for episode in range(episodes)
-    ]
-    return float(np.mean([verdict.satisfied for _, verdict in ends]))
+    ends = []
+    for episode in range(episodes):
+        start = task.reset(episode, condition)
+        *_, (_, end) = play(task, lambda _: scripted_action(task), start)
+        ends.append(end.satisfied)
+    return float(np.mean(ends))
 
 
 def speed(config: ArenaConfig) -> float:

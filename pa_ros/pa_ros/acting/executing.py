@@ -34,11 +34,12 @@ MEANT, SURELY = 0.5, 0.75
 # Shares of a relation's threshold: pushing stops at the first, and is slowed up to the second.
 # Actions that are joint velocities can move the hand faster, so they are slowed earlier.
 SLOWED, JOINTS_SLOWED = (0.6, 1.2), (0.0, 3.0)
-# What is to rest somewhere is brought there from above. Within the second length beside its middle,
-# where networks may stop, the hand goes to the middle, comes down once it is this near to it, and
-# lets go when no joint is faster than this (rad/s); then it rises. Both ways at these parts of full
-# speed.
-FROM_ABOVE_M, OVER_M, CENTERED_M, STILL, LOWERING, LEAVING = 0.03, 0.06, 0.006, 0.1, 0.2, 0.3
+# What is to rest somewhere is brought there from above, as the empty hand is to what it takes.
+FROM_ABOVE_M = 0.03  # over the highest object nearby, until the middle is reached
+OVER_M = 0.06  # beside the middle: networks may stop from here on, so the hand goes there by rule
+CENTERED_M = 0.006  # beside the middle: from here on it comes down
+STILL = 0.1  # rad/s: it lets go when no joint is faster
+LOWERING, LEAVING = 0.2, 0.3  # of full speed: coming down, and rising after it has let go
 NEAR_M = 0.15  # sideways: what it must be above
 TOUCHED_M = 0.06  # from where the hand would hold it: an object that it may touch
 UP = 2  # of the axes of an action
