@@ -136,6 +136,7 @@ def test_a_tower_of_four_stands_for_a_minute_without_creeping() -> None:
         "eval",
         "pairs",
         "place",
+        "blocks-2",
         "hold",
         "reach",
         "tower-3",

@@ -77,6 +77,8 @@ def test_the_program_names_what_moves_and_where_to(name: str) -> None:
         assert sum(target) == 1 + ("target" in chosen.either)
         assert moved[0] == (not chosen.moved)
         solid = [design.schema.has_body(kind) for kind in kinds]
+        if condition.startswith("blocks-"):
+            assert sum(solid) == int(condition.removeprefix("blocks-"))
         for (a, one), (b, other) in combinations(zip(episode.blocks, solid, strict=True), 2):
             least = 0.20 if one and other else 0.12 if one or other else 0.16
             assert hypot(a.x - b.x, a.y - b.y) >= least - 1e-9

@@ -111,8 +111,8 @@ class Pushing(Skill):
                 yield condition(
                     f"target-new-{group}", new, moved=design.train, terms=terms, pool=wide
                 )
-        # A held-out block among another number of them.
-        for count in range(3, min(6, len(pool)) + 1):
+        # A held-out block among others: from one block less than in training up to six blocks.
+        for count in range(max(n - 1, 2), min(6, len(pool)) + 1):
             yield condition(f"blocks-{count}", moved=zero_shot, n_blocks=count)
         # As train, eval and pairs, of one of several relations.
         relations, known = design.vocabulary.relations, design.train[0]
