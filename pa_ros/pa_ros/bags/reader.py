@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import TypeVar
 
@@ -66,7 +66,6 @@ class Bag:
             self._check_version()
             # The bag is whole: from now on its owner closes it.
             opened.pop_all()
-        self._stores: dict[str, Typestore] = {}
 
     def __enter__(self) -> Bag:
         return self
@@ -173,16 +172,11 @@ class Bag:
 
     def _store(self, topic: str) -> Typestore:
         """The types of a topic as the bag defines them, or else as installed."""
-        if topic not in self._stores:
-            entry = self._connections[topic][0]
-            store = _installed()
-            if entry.msgdef.format == MessageDefinitionFormat.MSG:
-                # The definitions in the bag, so that it can be read where its types are not
-                # installed.
-                store = get_typestore(Stores.EMPTY)
-                store.register(get_types_from_msg(entry.msgdef.data, entry.msgtype))
-            self._stores[topic] = store
-        return self._stores[topic]
+        entry = self._connections[topic][0]
+        if entry.msgdef.format != MessageDefinitionFormat.MSG:
+            return _installed()
+        # The bag's own, so that it can be read where its types are not installed.
+        return _defined(entry.msgdef.data, entry.msgtype)
 
     def _check_version(self) -> None:
         """Reject messages of pa_ros whose definition is not the installed one."""
@@ -205,6 +199,14 @@ class Bag:
 @cache
 def _installed() -> Typestore:
     return installed_types()
+
+
+@lru_cache(maxsize=128)
+def _defined(definition: str, type_name: str) -> Typestore:
+    """A type by its definition. Its code is compiled at the first message: 10 ms."""
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(definition, type_name))
+    return store
 
 
 def _below(namespace: str | None) -> str:
