@@ -42,6 +42,21 @@ def test_where_a_program_holds_fetch_says_success(env: str, robotics) -> None:
     np.testing.assert_allclose(where, expected, atol=1e-6)
 
 
+def test_the_agent_sees_how_far_the_block_moved_in_the_last_step(robotics) -> None:
+    environment = fetch.make("push")
+    seen, _ = environment.reset(seed=1)
+    moved, told = [], []
+    while len(moved) < 50:  # the hand goes to the block and pushes it
+        before, way = seen["achieved_goal"], seen["achieved_goal"] - seen["observation"][:3]
+        action = np.array([*np.clip(10 * way, -1, 1), 0], np.float32)
+        seen = environment.step(action)[0]
+        moved.append(seen["achieved_goal"] - before)
+        told.append(fetch.FAST_M * fetch.observed(seen, PUT).joint_position[:3])
+    assert np.abs(moved).max() > 0.005
+    assert np.corrcoef(np.ravel(moved), np.ravel(told))[0, 1] > 0.8
+    assert np.linalg.norm(told) == pytest.approx(np.linalg.norm(moved), rel=0.3)
+
+
 def test_a_guided_episode_goes_on_to_the_goal_once_the_hand_is_at_the_block(robotics) -> None:
     task = FetchTask("push", seed=0)
     programs = {}

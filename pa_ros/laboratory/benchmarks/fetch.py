@@ -66,6 +66,7 @@ BESIDE_M = {"push": 0.09, "pick": 0.0}  # of the block: where the hand first goe
 HAND_M = 0.04  # what NEAR means of the hand
 TABLE_M = np.array([1.34, 0.75, 0.42])  # the middle of the table, which is our base
 STEP_M = 0.05  # how far the hand moves in a step at most; also how far the fingers open
+FAST_M = 0.01  # how far a block moves in a step that is pushed fast
 STEPS = 50  # of an episode, in training and where it is scored
 FALLEN_M = 0.40  # height of a block that has left the table, which ends a training episode
 GUIDED = 0.8  # share of training episodes in which the hand first goes to the block, as in RHER
@@ -202,7 +203,9 @@ def observed(
     poses[:, :3] = np.stack([own[:3], own[3:6], target]) - TABLE_M
     poses[BLOCK, 3:] = np.roll(euler2quat(own[11:14]), -1)
     objects = objects_from_poses(SCHEMA, [{"kind": kind} for kind in KINDS], poses)
-    place, speed = np.array([*poses[0, :3], own[9] / STEP_M]), own[20:24] / STEP_M
+    # The hand's pose says where it is, so its joints' positions say how the block moves instead.
+    moves = own[14:17] + own[20:23]  # m in a step; Fetch's is relative to the hand
+    place, speed = np.array([*(moves / FAST_M), own[9] / STEP_M]), own[20:24] / STEP_M
     return Observation(*when, objects, place, speed, HAND_INDEX, str(program), poses[0])
 
 
