@@ -86,6 +86,14 @@ def test_the_program_names_what_moves_and_where_to(name: str) -> None:
         assert not verdict.satisfied or episode.program.moves_hand
 
 
+@pytest.mark.parametrize(
+    ("name", "counts"), [("push-2", (3, 4)), ("push-3D", (3, 4, 5, 6)), ("stack-2", (2, 3, 4))]
+)
+def test_blocks_are_one_less_than_in_training_up_to_six(name: str, counts: tuple[int, ...]) -> None:
+    named = [one for one in conditions_for(design_named(name)) if one.startswith("blocks-")]
+    assert named == [f"blocks-{count}" for count in counts]
+
+
 def test_training_programs_move_training_blocks_to_places_and_reach() -> None:
     counts = {"push-2": 3 * 2 + 3 + 2, "push-2-pairs": 3 * (2 + 2) + 3 + 2}
     for name, count in (*counts.items(), ("push-3D", 6 * 3 + 6 + 3)):
