@@ -37,6 +37,20 @@ def test_our_reader_and_rosbags_read_what_was_written(tmp_path):
         assert reader.message_count == 5
 
 
+def test_messages_of_a_type_that_is_not_installed_are_read_by_the_bags_own_definition(tmp_path):
+    name = "far_msgs/msg/Count"
+    for field in ("one", "other"):  # two definitions of one type
+        store = get_typestore(Stores.EMPTY)
+        store.register(get_types_from_msg(f"int32 {field}", name))
+        with BagWriter(tmp_path / field) as target:
+            target.add(topic(store, "/count", name))
+            message = store.types[name](7)
+            target.write("/count", bytes(store.serialize_cdr(message, name)), START)
+    for field in ("one", "other"):
+        with Bag(tmp_path / field) as bag:
+            assert [getattr(bag.deserialize(one), field) for one in bag.messages()] == [7]
+
+
 def test_a_namespace_selects_one_of_several_topics(tmp_path):
     with BagWriter(tmp_path / "bag") as bag:
         for name in ("/left/program", "/right/program"):
