@@ -121,7 +121,7 @@ def test_hundreds_of_updates_stay_with_float64() -> None:
     engine, reference = made.engine(), made.reference()
     rng = np.random.default_rng(5)
     batches = [make_batch(rng, 16, 4, 1, len(made.table)) for _ in range(20)]
-    for step in range(200):
+    for step in range(300):
         for one in (engine, reference):
             one.update(batches[step % len(batches)])
         if step % 50 == 49:
