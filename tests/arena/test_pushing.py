@@ -89,7 +89,7 @@ def test_the_program_names_what_moves_and_where_to(name: str) -> None:
 @pytest.mark.parametrize(
     ("name", "counts"), [("push-2", (3, 4)), ("push-3D", (3, 4, 5, 6)), ("stack-2", (2, 3, 4))]
 )
-def test_blocks_are_one_less_than_in_training_up_to_six(name: str, counts: tuple[int, ...]) -> None:
+def test_each_number_of_blocks_that_is_scored(name: str, counts: tuple[int, ...]) -> None:
     named = [one for one in conditions_for(design_named(name)) if one.startswith("blocks-")]
     assert named == [f"blocks-{count}" for count in counts]
 
