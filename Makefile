@@ -53,7 +53,7 @@ train: install  ## learn design 2-L in one process, into OUT
 	$(BIN)/pa_ros train --design 2-L --seed 0 --frames 50000 --out $(OUT)
 
 test: lint  ## lint, types and all tests
-	$(BIN)/python -m pytest -q -n 3 --dist loadgroup
+	$(BIN)/python -m pytest -q -n 4 --dist loadgroup
 
 lint: install-dev  ## ruff and mypy only
 	$(BIN)/ruff check .

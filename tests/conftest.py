@@ -14,7 +14,10 @@ from helpers.waiting import Clock
 from pa_ros.tools.domain import DomainClaim
 
 NICE = 10
-WITH_TOOLS = ("tools", "ros", "console", "extending")  # folders
+GROUPS = {  # of tests with a graph: folders, or the beginnings of files; the rest is a group, too
+    "tools": ("tools", "cli", "console"),
+    "robots": ("lab", "ros", "test_robot_"),
+}
 torch.set_num_threads(1)
 # On a busy machine a case may take long; tests never check how long.
 hypothesis.settings.register_profile("no deadline", deadline=None)
@@ -24,12 +27,14 @@ os.environ["ROS_DOMAIN_ID"] = UNMARKED = "a test without the marker `graph`"
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Share the tests among three processes (`-n 3`): one runs the graphs of WITH_TOOLS, one all
-    other graphs, which take about as long, and one the tests without a graph."""
+    """Share the tests among four processes (`-n 4`): each group of graphs, which mostly wait and
+    take about as long as another, has its own, and so have the tests without a graph."""
     for item in items:
         if item.get_closest_marker("graph") is not None:
-            group = "tools" if item.path.parent.name in WITH_TOOLS else "nodes"
-            item.add_marker(pytest.mark.xdist_group(f"graph-{group}"))
+            folder, file = item.path.parent.name, item.path.name
+            groups = [group for group, names in GROUPS.items()
+                      if folder in names or file.startswith(names)]  # fmt: skip
+            item.add_marker(pytest.mark.xdist_group(f"graph-{(*groups, 'nodes')[0]}"))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
