@@ -21,7 +21,7 @@ unexport PYTHONPATH
 unexport PYTHONDONTWRITEBYTECODE
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help install run train test lint fuzz sanitize chaos links bench results reference \
+.PHONY: help install run train test suite lint fuzz sanitize chaos links bench results reference \
   same-results docs-check dist colcon clean
 .SECONDARY:
 
@@ -52,7 +52,11 @@ OUT ?= runs/train
 train: install  ## learn design 2-L in one process, into OUT
 	$(BIN)/pa_ros train --design 2-L --seed 0 --frames 50000 --out $(OUT)
 
-test: lint  ## lint, types and all tests
+# Types are checked beside the tests, which often wait.
+test: install-dev  ## lint, types and all tests
+	@$(MAKE) --no-print-directory --jobs=2 lint suite
+
+suite: install-dev
 	$(BIN)/python -m pytest -q -n 4 --dist loadgroup
 
 lint: install-dev  ## ruff and mypy only

@@ -75,6 +75,8 @@ HEADLINES = {  # on the front page: design and arm
     "programmable-3D": ("3-D: 3 × 3, the diagonal held out", "fast"),
     "programmable-2L.paper-arm": ("2-L", "slow"),
     "programmable-3D.paper-arm": ("3-D", "slow"),
+    "push-2": ("push-2: blocks are pushed to disks", "fast"),
+    "stack-2": ("stack-2: blocks are taken, and put on disks and on blocks", "fast"),
 }
 ARMS = {"": "fast", ".paper-arm": "slow"}
 METHODS = {  # methods of the benchmark `baselines`
