@@ -8,6 +8,7 @@ import pytest
 from pa_ros.acting.executing import Actor
 from pa_ros.arena import ARMS, Block, Episode, ReachTask, design_named, preset_for
 from pa_ros.core.experience import Observation
+from pa_ros.evaluation.evaluate import policy_of
 from pa_ros.language import parse
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.world.relation import BLOCK_M, GRIP_M
@@ -37,6 +38,26 @@ def test_a_block_is_taken_before_it_is_put_somewhere(task: ReachTask, actor: Act
     observation = seen(task, Block(RED, 0.4, 0.2, 0.0), Block(BLUE, 0.4, -0.2, 0.0))
     taking = parse("HOLD(HAND, AND(RED, CUBE))", STACK.vocabulary)
     np.testing.assert_array_equal(actor.act(observation, ON), actor.infer(observation, taking))
+
+
+@pytest.mark.parametrize("condition", ["reach-eval", "hold-eval"])
+def test_the_hand_slows_and_rests_where_it_is_to_be(
+    task: ReachTask, actor: Actor, condition: str
+) -> None:
+    slowed = rests = 0
+    for episode in range(2):
+        observation, verdict = task.reset(episode, condition)
+        policy = policy_of(actor, task.world, task.config)
+        threshold = task.scoring.threshold_of(task.program)
+        while not verdict.truncated:
+            full, action = (way(observation, task.program) for way in (actor.infer, actor.act))
+            part = np.clip((verdict.distance / threshold - 0.6) / 0.6, 0, 1)
+            assert action[:-1] == pytest.approx(full[:-1] * part, abs=1e-3)
+            assert action[-1] == full[-1], "the cup is on or off as before"
+            slowed, rests = slowed + bool(0 < part < 1), rests + bool(part == 0)
+            observation, verdict = task.step(policy(observation, task.program))
+        assert verdict.satisfied
+    assert slowed if condition == "reach-eval" else rests
 
 
 def test_the_hand_rises_from_what_rests_and_holds_nothing(task: ReachTask, actor: Actor) -> None:

@@ -31,8 +31,9 @@ from pa_ros.world.scoring import REWARDED, Score, Scoring
 # A program means every object whose degree is at least this share of the greatest degree; to choose
 # one of them, the share is greater, since undecided words give about half a degree.
 MEANT, SURELY = 0.5, 0.75
-# Shares of a relation's threshold: pushing stops at the first, and is slowed up to the second.
-# Actions that are joint velocities can move the hand faster, so they are slowed earlier.
+# Shares of a relation's threshold: pushing stops at the first, and is slowed up to the second. So
+# is a hand that can take things: networks often leave what it has reached. Actions that are joint
+# velocities can move the hand faster, so they are slowed earlier.
 SLOWED, JOINTS_SLOWED = (0.6, 1.2), (0.0, 3.0)
 # What is to rest somewhere is brought there from above, as the empty hand is to what it takes.
 FROM_ABOVE_M = 0.03  # over the highest object nearby, until the middle is reached
@@ -87,6 +88,8 @@ class Actor(Policy):
         self._scoring = network.world.scoring
         self._longer = network.world.nearness
         self._slowed = SLOWED if network.world.controller else JOINTS_SLOWED
+        # Whether the networks move the hand, and can take things with it.
+        self._takes = HOLD in network.world.relations and network.world.controller is not None
         self._forms: _Forms | None = None  # of the newest program
         self._has_held = -1  # the newest episode in which the hand held something
 
@@ -109,9 +112,11 @@ class Actor(Policy):
         if self._puts(program) and all(chosen):
             return self._put(observation, forms, chosen, others)
         action = self.infer(observation, forms.plain, others)
-        if forms.moves_hand:
-            return action
-        return action * self._speed(observation, program, chosen)
+        if self._takes:
+            action[:-1] *= self._speed(observation, program, chosen)
+        elif not forms.moves_hand:
+            action *= self._speed(observation, program, chosen)
+        return action
 
     def explore(self, observation: Observation, program: Program) -> Float32:
         """The networks' action with this episode's exploration noise, clipped to [-1, 1], [J]."""
@@ -174,10 +179,8 @@ class Actor(Policy):
         return self._puts(program) and self._has_held != observation.episode
 
     def _puts(self, program: Program) -> bool:
-        """Whether a program puts something somewhere, and the networks move the hand and can take
-        it."""
-        world = self._world
-        return program.relation == ON and HOLD in world.relations and world.controller is not None
+        """Whether a program puts something somewhere, and the networks can take it."""
+        return program.relation == ON and self._takes
 
     def relevance(self, observation: Observation, program: Program) -> tuple[float, ...]:
         """p, [N]: the degree to which the program means each object.
