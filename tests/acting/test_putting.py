@@ -10,6 +10,7 @@ from pa_ros.arena import ARMS, Block, Episode, ReachTask, design_named, preset_f
 from pa_ros.core.experience import Observation
 from pa_ros.evaluation.evaluate import policy_of
 from pa_ros.language import parse
+from pa_ros.language.syntax import NEAR
 from pa_ros.learning.checkpoints import load_policy
 from pa_ros.world.relation import BLOCK_M, GRIP_M
 
@@ -40,24 +41,20 @@ def test_a_block_is_taken_before_it_is_put_somewhere(task: ReachTask, actor: Act
     np.testing.assert_array_equal(actor.act(observation, ON), actor.infer(observation, taking))
 
 
-@pytest.mark.parametrize("condition", ["reach-eval", "hold-eval"])
-def test_the_hand_slows_and_rests_where_it_is_to_be(
-    task: ReachTask, actor: Actor, condition: str
-) -> None:
-    slowed = rests = 0
+def test_the_hand_slows_where_it_is_to_be(task: ReachTask, actor: Actor) -> None:
+    slowed, threshold = 0, task.scoring.threshold(NEAR)
+    policy = policy_of(actor, task.world, task.config)
     for episode in range(2):
-        observation, verdict = task.reset(episode, condition)
-        policy = policy_of(actor, task.world, task.config)
-        threshold = task.scoring.threshold_of(task.program)
+        observation, verdict = task.reset(episode, "reach-eval")
         while not verdict.truncated:
             full, action = (way(observation, task.program) for way in (actor.infer, actor.act))
             part = np.clip((verdict.distance / threshold - 0.6) / 0.6, 0, 1)
             assert action[:-1] == pytest.approx(full[:-1] * part, abs=1e-3)
             assert action[-1] == full[-1], "the cup is on or off as before"
-            slowed, rests = slowed + bool(0 < part < 1), rests + bool(part == 0)
+            slowed += bool(part < 1)
             observation, verdict = task.step(policy(observation, task.program))
         assert verdict.satisfied
-    assert slowed if condition == "reach-eval" else rests
+    assert slowed > 50
 
 
 def test_the_hand_rises_from_what_rests_and_holds_nothing(task: ReachTask, actor: Actor) -> None:

@@ -19,7 +19,7 @@ from pa_ros.acting.exploration import ExplorationNoise
 from pa_ros.acting.policy import Degrees, Policy
 from pa_ros.core.experience import Float32, Float64, Observation
 from pa_ros.language import MIN_MAX, And, Logic, Not, Program
-from pa_ros.language.syntax import HOLD, ON
+from pa_ros.language.syntax import HOLD, NEAR, ON
 from pa_ros.networks.config import NetworkConfig
 from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.inference import AVOIDED, MOVED, RELEVANT, TARGET
@@ -32,7 +32,7 @@ from pa_ros.world.scoring import REWARDED, Score, Scoring
 # one of them, the share is greater, since undecided words give about half a degree.
 MEANT, SURELY = 0.5, 0.75
 # Shares of a relation's threshold: pushing stops at the first, and is slowed up to the second. So
-# is a hand that can take things: networks often leave what it has reached. Actions that are joint
+# is reaching with a gripper: networks often leave what they have reached. Actions that are joint
 # velocities can move the hand faster, so they are slowed earlier.
 SLOWED, JOINTS_SLOWED = (0.6, 1.2), (0.0, 3.0)
 # What is to rest somewhere is brought there from above, as the empty hand is to what it takes.
@@ -112,10 +112,10 @@ class Actor(Policy):
         if self._puts(program) and all(chosen):
             return self._put(observation, forms, chosen, others)
         action = self.infer(observation, forms.plain, others)
-        if self._takes:
+        if not forms.moves_hand:
+            return action * self._speed(observation, program, chosen)
+        if self._takes and program.relation == NEAR:
             action[:-1] *= self._speed(observation, program, chosen)
-        elif not forms.moves_hand:
-            action *= self._speed(observation, program, chosen)
         return action
 
     def explore(self, observation: Observation, program: Program) -> Float32:
