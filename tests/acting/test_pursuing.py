@@ -135,6 +135,18 @@ def test_a_block_is_moved_slower_as_it_comes_to_its_place() -> None:
     assert slow and still
 
 
+def test_a_hand_without_a_gripper_is_not_slowed() -> None:
+    task = ReachTask(preset_named("push"), design_named("push-3D"), seed=1)
+    agent = load_agent("shipped:push")
+    actor = Actor.of(agent.snapshot)
+    observation, verdict = task.reset(0, "reach-eval")
+    while not verdict.satisfied:
+        assert not verdict.truncated
+        observation, verdict = task.step(agent.policy(observation, task.program))
+    full = actor.infer(observation, task.program)
+    np.testing.assert_array_equal(actor.act(observation, task.program), full)
+
+
 def test_a_stage_that_the_goal_lacks_is_rejected(task: ReachTask, agent: Agent) -> None:
     observation, verdict = task.reset(0, "chain-2")
     with rejected("observation.stage", "expected less than 2, as THEN"):
