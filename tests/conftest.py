@@ -14,7 +14,7 @@ from helpers.waiting import Clock
 from pa_ros.tools.domain import DomainClaim
 
 NICE = 10
-GROUPS = {  # of tests with a graph: folders, or the beginnings of files; the rest is a group, too
+GROUPS = {  # of tests with a graph: folders, or how files begin; all others are `nodes`
     "tools": ("tools", "cli", "console"),
     "robots": ("lab", "ros", "test_robot_"),
 }
@@ -32,9 +32,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("graph") is not None:
             folder, file = item.path.parent.name, item.path.name
-            groups = [group for group, names in GROUPS.items()
-                      if folder in names or file.startswith(names)]  # fmt: skip
-            item.add_marker(pytest.mark.xdist_group(f"graph-{(*groups, 'nodes')[0]}"))
+            groups = (group for group, names in GROUPS.items()
+                      if folder in names or file.startswith(names))  # fmt: skip
+            item.add_marker(pytest.mark.xdist_group(f"graph-{next(groups, 'nodes')}"))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

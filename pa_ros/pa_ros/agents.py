@@ -80,7 +80,9 @@ class TrainedAgent:
 
     @property
     def key(self) -> str:
-        """Identifies all that actions follow from: weights, logic, the camera's calibration."""
+        """Identifies what actions follow from: weights, logic, the camera's calibration.
+
+        Not the rules of executing: scores under older rules have the same key."""
         key = f"{self.digest}-{self.logic.name}-{self.logic.sharpness:g}"
         if self.perception:
             key += f"-{hashlib.sha256(self.perception.encode()).hexdigest()[:12]}"
