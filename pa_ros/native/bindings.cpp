@@ -287,15 +287,16 @@ void bind_engine(nb::module_& m) {
             [](Engine* made, const Network& actor, const Network& critic, double actor_rate,
                double critic_rate, double beta1, double beta2, double epsilon, double clip,
                double action_penalty, double detector_gain, double sparsity, double free_from,
-               bool detector_bias, int threads) {
+               bool detector_arm, bool detector_bias, int threads) {
                 const Settings settings{actor_rate,    critic_rate, beta1,     beta2,
                                         epsilon,       clip,        action_penalty,
-                                        detector_gain, sparsity,    free_from, detector_bias};
+                                        detector_gain, sparsity,    free_from, detector_arm,
+                                        detector_bias};
                 new (made) Engine(actor, critic, settings, threads);
             },
             "actor"_a, "critic"_a, nb::kw_only(), "actor_rate"_a, "critic_rate"_a, "beta1"_a,
             "beta2"_a, "epsilon"_a, "clip"_a, "action_penalty"_a, "detector_gain"_a, "sparsity"_a,
-            "free_from"_a, "detector_bias"_a, "threads"_a)
+            "free_from"_a, "detector_arm"_a, "detector_bias"_a, "threads"_a)
         .def_prop_ro("actor", &Engine::actor, nb::rv_policy::reference_internal)
         .def_prop_ro("critic", &Engine::critic, nb::rv_policy::reference_internal)
         .def(

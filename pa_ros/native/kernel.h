@@ -15,6 +15,7 @@ struct Tensors {
 struct Settings {  // of a learner for as long as it lives
     double actor_rate, critic_rate, beta1, beta2, epsilon, clip, action_penalty, detector_gain;
     double sparsity, free_from;  // of the detectors' weights; see `adam` in learner.h
+    bool detector_arm;           // whether detectors see the arm's features
     bool detector_bias;          // whether it is learned
 };
 

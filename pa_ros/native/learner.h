@@ -174,7 +174,7 @@ inline vf drawn_to_zero(vf x, float most, float per_size) {
 // Adam (Kingma & Ba 2015; torch.optim.Adam) on this thread's part of one network's parameters. The
 // detectors' steps are `detector_gain` times as long. Then their weights, not their biases, are drawn
 // to zero by `sparsity` per unit of rate, and by less the larger they are: not at all from `free_from`
-// on (Zhang 2010). Without `prior` nothing is drawn and biases are learned.
+// on (Zhang 2010). Without `prior` nothing is drawn and detectors learn all of their weights.
 template <bool prior>
 inline double adam(const Learner& g, const Tensors& t, const Layout& l, double rate,
                    const Batch& batch, int index, bool of_actor) {
@@ -185,6 +185,10 @@ inline double adam(const Learner& g, const Tensors& t, const Layout& l, double r
     const float keep1 = (float)s.beta1, take1 = (float)(1.0 - s.beta1);
     const float keep2 = (float)s.beta2, take2 = (float)(1.0 - s.beta2);
     const int64_t biases = l.first + (l.rows - 1) * l.columns;  // of the first layers
+    // What detectors do not learn: rows of the arm, biases, or both.
+    const int64_t arm = l.first + g.actor_shape.object_features * l.columns;
+    [[maybe_unused]] const int64_t kept = s.detector_arm ? biases : arm;
+    [[maybe_unused]] const int64_t kept_end = s.detector_bias ? biases : first_end;
     const float gain = (float)s.detector_gain;
     [[maybe_unused]] const float drawn = (float)(rate * s.detector_gain * s.sparsity);
     [[maybe_unused]] const float per_size = (float)(1.0 / s.free_from);
@@ -198,7 +202,7 @@ inline double adam(const Learner& g, const Tensors& t, const Layout& l, double r
         if (g.threads > 1) store(t.gradient + i, d);
         const bool detects = i < first_end && (i - l.first) % l.columns >= l.detectors;
         if constexpr (prior)
-            if (detects && i >= biases && !s.detector_bias) store(t.gradient + i, d = vf{});
+            if (detects && i >= kept && i < kept_end) store(t.gradient + i, d = vf{});
         squares += d * d;
         const vf m = keep1 * load(t.first_moment + i) + take1 * d;
         const vf v = keep2 * load(t.second_moment + i) + take2 * d * d;
@@ -218,7 +222,8 @@ inline double adam(const Learner& g, const Tensors& t, const Layout& l, double r
 inline void apply(Learner& g, const Batch& batch, int index) {
     const Layout actor = layout_of(g.actor_shape), critic = layout_of(g.critic_shape);
     const Settings& s = g.settings;
-    const auto step = s.sparsity > 0 || !s.detector_bias ? adam<true> : adam<false>;
+    const bool all = s.detector_arm && s.detector_bias;
+    const auto step = s.sparsity > 0 || !all ? adam<true> : adam<false>;
     const double share = batch.rate_share;
     step(g, g.critic, critic, share * s.critic_rate, batch, index, false);
     g.thread[index].squared_gradient =

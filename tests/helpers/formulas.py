@@ -252,6 +252,8 @@ class StraightforwardEngine:
         for found in gradients.values():
             if "detectors.bias" in found and not network.detectors_have_biases:
                 found["detectors.bias"].zero_()
+            if "detectors.weight" in found and not network.detectors_see_arm:
+                found["detectors.weight"][:, network.world.object_features :].zero_()
         return gradients
 
     def end_episode(self) -> None:

@@ -41,7 +41,8 @@ def engine(make: Callable[..., _fused.Network] = trunk, threads: int = 1) -> _fu
         "detector_gain": 1.0,
     }
     settings |= {"sparsity": 0.0, "free_from": 1.0}
-    return _fused.Engine(make(), make(critic=True), **settings, detector_bias=True, threads=threads)
+    learned = {"detector_arm": True, "detector_bias": True}
+    return _fused.Engine(make(), make(critic=True), **settings, **learned, threads=threads)
 
 
 def program(*rows: tuple[int, int, int], **changes: tuple[int, ...]) -> dict[str, np.ndarray]:

@@ -170,9 +170,18 @@ def test_exchanges_state_with_the_torch_engine() -> None:
     assert ours.metrics() == pytest.approx(theirs.metrics(), rel=1e-3)
 
 
+@pytest.mark.parametrize("biased", [False, True])
+@pytest.mark.parametrize("sees_arm", [False, True])
 @pytest.mark.parametrize("kind", ["programmable", "true-properties"])
-def test_unused_weights_stay_0_and_the_rest_learns_as_in_torch(kind: str) -> None:
-    made = setting(kind, relations_see_properties=False, detectors_have_biases=False)
+def test_unused_weights_stay_0_and_the_rest_learns_as_in_torch(
+    kind: str, sees_arm: bool, biased: bool
+) -> None:
+    made = setting(
+        kind,
+        relations_see_properties=False,
+        detectors_have_biases=biased,
+        detectors_see_arm=sees_arm,
+    )
     ours = made.engine()
     config = dpg(made.config, engine__name="torch", engine__dtype="float64")
     theirs = TorchDPG(made.network, config, made.table, made.actor, made.critic)
@@ -192,7 +201,10 @@ def test_unused_weights_stay_0_and_the_rest_learns_as_in_torch(kind: str) -> Non
             assert not columns[..., properties].any() and columns[..., :7].all()
     if kind == "programmable":
         for network in ("actor", "critic"):
-            assert not ours.tensors()[f"{network}.detectors.bias"].any()
+            tensors = ours.tensors()
+            weight, bias = (tensors[f"{network}.detectors.{x}"] for x in ("weight", "bias"))
+            assert weight[:, :16].any() and weight[:, 16:].any() == sees_arm
+            assert bias.any() == biased
 
 
 @pytest.mark.parametrize("name", ["fused", "torch"])

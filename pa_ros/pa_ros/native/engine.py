@@ -76,6 +76,7 @@ class FusedEngine:
         self._engine = _fused.Engine(
             actor_network,
             critic_network,
+            detector_arm=network.detectors_see_arm,
             detector_bias=network.detectors_have_biases,
             threads=threads,
             **numbers,

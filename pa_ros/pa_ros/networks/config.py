@@ -72,6 +72,10 @@ class NetworkSettings(Settings):
     detectors_have_biases: bool = Field(
         True, description="whether detectors learn biases; without, each stays 0"
     )
+    detectors_see_arm: bool = Field(
+        True,
+        description="whether detectors see the arm's features, which all objects share (paper)",
+    )
     relations_see_properties: bool = Field(
         True, description="whether f, r and the attention see the properties (paper)"
     )

@@ -166,6 +166,8 @@ class Programmable(DetectorFamily):
         tensors = uniform(shapes, rng, output_scale, config.detector_init_scale)
         if self.detects(critic) and not config.detectors_have_biases:
             tensors["detectors.bias"][:] = 0.0
+        if self.detects(critic) and not config.detectors_see_arm:
+            tensors["detectors.weight"][:, world.object_features :] = 0.0
         if not config.relations_see_properties:
             for weight in (tensors[name] for name in BLIND if name in tensors):
                 columns = weight.reshape(len(weight), -1, world.columns)

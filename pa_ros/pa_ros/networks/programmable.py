@@ -66,11 +66,13 @@ class Detectors(nn.Module):
         super().__init__()
         self._group_sizes = config.vocabulary.group_sizes
         columns = config.world.columns
+        self._detected = columns if config.detectors_see_arm else config.world.object_features
         self._learned = learned_detectors
         if learned_detectors:
             self.detectors = nn.Linear(columns, len(config.vocabulary.words))
             self.detectors.bias.requires_grad_(config.detectors_have_biases)
             self.detectors.weight.data *= config.detector_init_scale
+            self.detectors.weight.data[:, self._detected :] = 0.0
             self.detectors.bias.data *= config.detector_init_scale * config.detectors_have_biases
         self.true = TrueProperties(config.world)
         self.register_buffer("scales", torch.from_numpy(config.input_scales), persistent=False)
@@ -84,7 +86,11 @@ class Detectors(nn.Module):
         if not self._learned:
             truth: Tensor = self.true(objects).transpose(1, 2)
             return truth
-        groups = self.detectors(self.columns(objects, arm)).split(self._group_sizes, dim=-1)
+        columns, weight = self.columns(objects, arm), self.detectors.weight
+        if (seen := self._detected) < columns.shape[-1]:
+            columns, weight = columns[..., :seen], weight[:, :seen]
+        logits = nn.functional.linear(columns, weight, self.detectors.bias)
+        groups = logits.split(self._group_sizes, dim=-1)
         return torch.cat([group.softmax(-1) for group in groups], -1).transpose(1, 2)
 
     def columns(self, objects: Tensor, arm: Tensor) -> Tensor:
