@@ -76,6 +76,7 @@ CHANGED: dict[str, Any] = {
     "learner.replay.warmup_frames": 2_000,
     "learner.updates.per_frame": 2.0,
     "learner.optimizer.half_life": 160_000,
+    "learner.action_penalty": 0.0,
     "network.family": "true-properties",  # there are no words to learn
     "network.position_scale": 40.0,  # since thresholds are half of our arena's
 }

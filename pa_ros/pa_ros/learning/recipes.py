@@ -66,12 +66,13 @@ _PUSH: Values = {
     "network.attention": 32,
 }
 
-# For programs that put objects on each other: smaller steps later, and agents act by a running mean
-# of the actor, which places blocks more exactly than the newest one.
+# For programs that put objects on each other: smaller steps later, words of objects alone, and an
+# agent that acts by a running mean of the actor, which places blocks more exactly than the newest.
 _STACK: Values = {
     **_PUSH,
     "learner.optimizer.half_life": 80_000,
     "learner.updates.published": 0.2,
+    "network.detectors_see_arm": False,
 }
 
 # For programs that say more than where the hand should be near: that avoid a set, or have one of

@@ -98,5 +98,9 @@ def why_not_fused(network: NetworkConfig, config: DPGConfig) -> str:
 DPG = Algorithm(
     DPGConfig,
     make_engine,
-    {"push": {"learner.action_penalty": 0.1}, "entries": {"learner.action_penalty": 0.01}},
+    {
+        "push": {"learner.action_penalty": 0.1},
+        "stack": {"learner.action_penalty": 0.03},
+        "entries": {"learner.action_penalty": 0.01},
+    },
 )
