@@ -90,7 +90,7 @@ class Detectors(nn.Module):
         if (seen := self._detected) < columns.shape[-1]:
             columns, weight = columns[..., :seen], weight[:, :seen]
         logits = nn.functional.linear(columns, weight, self.detectors.bias)
-        groups = logits.split(self._group_sizes, dim=-1)
+        groups = torch.split_with_sizes(logits, self._group_sizes, dim=-1)
         return torch.cat([group.softmax(-1) for group in groups], -1).transpose(1, 2)
 
     def columns(self, objects: Tensor, arm: Tensor) -> Tensor:
