@@ -105,6 +105,17 @@ def test_detectors_that_start_at_nothing() -> None:
         assert all(np.array_equal(tensors[k], default[k]) for k in tensors.keys() - detectors)
 
 
+def test_detectors_that_do_not_see_the_arm() -> None:
+    blind, features = NetworkConfig(world=WORLD, detectors_see_arm=False), WORLD.object_features
+    for make in (initial_actor, initial_critic):
+        tensors = make(blind, np.random.default_rng(5))
+        default = make(NetworkConfig(world=WORLD), np.random.default_rng(5))
+        weight, usual = tensors.pop("detectors.weight"), default.pop("detectors.weight")
+        assert not weight[:, features:].any() and usual[:, features:].all()
+        np.testing.assert_array_equal(weight[:, :features], usual[:, :features])
+        assert all(np.array_equal(tensors[k], default[k]) for k in tensors)
+
+
 def test_relations_that_do_not_see_properties() -> None:
     hidden = NetworkConfig(world=WORLD, relations_see_properties=False)
     for make in (initial_actor, initial_critic):

@@ -72,7 +72,6 @@ class Detectors(nn.Module):
             self.detectors = nn.Linear(columns, len(config.vocabulary.words))
             self.detectors.bias.requires_grad_(config.detectors_have_biases)
             self.detectors.weight.data *= config.detector_init_scale
-            self.detectors.weight.data[:, self._detected :] = 0.0
             self.detectors.bias.data *= config.detector_init_scale * config.detectors_have_biases
         self.true = TrueProperties(config.world)
         self.register_buffer("scales", torch.from_numpy(config.input_scales), persistent=False)
