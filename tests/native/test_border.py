@@ -41,8 +41,10 @@ def engine(make: Callable[..., _fused.Network] = trunk, threads: int = 1) -> _fu
         "detector_gain": 1.0,
     }
     settings |= {"sparsity": 0.0, "free_from": 1.0}
-    learned = {"detector_arm": True, "detector_bias": True}
-    return _fused.Engine(make(), make(critic=True), **settings, **learned, threads=threads)
+    actor, critic = make(), make(critic=True)
+    return _fused.Engine(
+        actor, critic, **settings, detector_arm=True, detector_bias=True, threads=threads
+    )
 
 
 def program(*rows: tuple[int, int, int], **changes: tuple[int, ...]) -> dict[str, np.ndarray]:

@@ -86,7 +86,7 @@ def test_a_shipped_agent_executes_programs_and_is_recorded(name, kinds, tmp_path
 def test_without_enough_time_it_says_so_and_leaves_what_was_learned(tmp_path, monkeypatch, capfd):
     folder = tmp_path / "demo"
     monkeypatch.setattr("pa_ros.cli.demo.REFERENCE_EPISODES", 2)
-    options = ["--no-shipped", "--no-console", "--out", str(folder), "--minutes", "0.2"]
+    options = ["--no-shipped", "--no-console", "--out", str(folder), "--minutes", "0.4"]
     assert main(["demo", *options]) == 1
     assert "target NOT reached" in capfd.readouterr().out
     assert load_policy(folder / "checkpoint").version > 0
