@@ -62,7 +62,7 @@ def make_arena(
 
 
 def load(agent: str | Path = "3-D") -> TrainedAgent:
-    """A trained agent: a shipped one (2-L, 3-D, push, avoid, camera), or that of a run's folder.
+    """A trained agent, of a run's folder or shipped (2-L, 3-D, push, stack, avoid, camera).
 
     Raises PaError (its subclass CheckpointError) if there is no usable checkpoint.
     """
