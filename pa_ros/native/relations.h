@@ -37,14 +37,43 @@ inline Asked asked_by(const Work& w, const int32_t* programs) {
     return asked;
 }
 
-// The receivers' parts of 16 units, as one relation has them.
+// The relation of all programs of a sample; -1 if they have several, or the network knows none.
+inline int shared_relation(const Net& net, const Work& w, const int32_t* programs) {
+    if (!net.shape->relations) return -1;
+    for (int k = 1; k < w.programs; k++)
+        if (w.relation[programs[k]] != w.relation[programs[0]]) return -1;
+    return w.relation[programs[0]];
+}
+
+// Makes the receivers' parts of a sample what one relation has, so that `pool` and `pool_backward` serve.
+inline void receive_all(const Net& net, Work& w, int relation, int64_t s) {
+    const Layout& l = net.l;
+    float* receiver = w.first_of(s, l.columns) + l.receiver;
+    for (int i = 0; i < w.objects; i++, receiver += l.columns)
+        for (int64_t c = 0; c < l.hidden; c += W)
+            store(receiver + c, load(w.factor + relation * l.hidden + c) * load(receiver + c));
+}
+
+// After `pool_backward`: adds the gradient of what the relation adds, that of all senders.
+inline void relation_backward(const Net& net, const Work& w, int relation, int64_t s, float* gradient) {
+    const Layout& l = net.l;
+    const float* sender = w.first_of(s, l.columns) + l.sender;
+    for (int64_t c = 0; c < l.hidden; c += W) {
+        vf added{};
+        for (int j = 0; j < w.objects; j++) added += load(sender + j * l.columns + c);
+        float* out = gradient + l.relation + relation * l.hidden + c;
+        store(out, load(out) + added);
+    }
+}
+
+// The receivers' parts of W units, as one relation has them.
 inline void receive(const Net& net, const Work& w, int relation, const float* receiver, int64_t c,
                     vf* as_asked) {
     const vf factor = load(w.factor + relation * net.l.hidden + c);
     for (int i = 0; i < w.objects; i++) as_asked[i] = factor * load(receiver + i * net.l.columns);
 }
 
-// As `pool`.
+// As `pool`, of a sample whose programs have several relations.
 inline void pool_relations(const Net& net, Work& w, const int32_t* programs, int64_t s) {
     const Layout& l = net.l;
     const int n = w.objects;

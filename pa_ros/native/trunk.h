@@ -196,7 +196,9 @@ inline void forward_block(const Net& net, Work& w, const int32_t* programs, int6
             }
             if (net.shape->avoids) assign_avoided(net, w, s, sk, programs[sk]);
         }
-        if (net.shape->relations) pool_relations(net, w, programs, s);
+        const int relation = shared_relation(net, w, programs + s * w.programs);
+        if (relation >= 0) receive_all(net, w, relation, s);
+        if (net.shape->relations && relation < 0) pool_relations(net, w, programs, s);
         else pool_sample(net, w, pairs, s);
         if (net.shape->avoids) pool_avoided(net, w, s);
     }

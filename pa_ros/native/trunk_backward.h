@@ -148,8 +148,10 @@ inline void sample_backward(const Net& net, Work& w, const int32_t* programs, in
     const int words = net.shape->words, n = w.objects;
     const Pairs pairs = pairs_of(net, w, programs + s * w.programs);
     if (net.shape->avoids) pool_avoided_backward(net, w, s);
-    if (net.shape->relations) pool_relations_backward(net, w, programs, s, gradient);
+    const int relation = shared_relation(net, w, programs + s * w.programs);
+    if (net.shape->relations && relation < 0) pool_relations_backward(net, w, programs, s, gradient);
     else pool_backward_for(w.programs)(net, w, pairs, s);
+    if (relation >= 0) relation_backward(net, w, relation, s, gradient);
     for (int i = 0; i < n * w.lanes; i++) w.dscore[i] = 0.0f;
     for (int64_t i = 0; i < (words + 1 + w.length) * w.lanes; i++) w.dregister[i] = 0.0f;
     for (int64_t k = 0; k < w.programs; k++) {
