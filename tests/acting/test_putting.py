@@ -123,6 +123,30 @@ def test_a_block_goes_to_the_middle_from_where_networks_may_stop(
     assert action[:2].tolist() != pytest.approx([-0.2, 0.0], abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("beside", "network", "out"),
+    [
+        (0.11, 0.0, -0.2),
+        (0.11, -0.15, -0.2),
+        (0.11, -0.9, -0.9),
+        (0.11, 0.5, -0.2),
+        (0.13, 0.0, 0.0),
+    ],
+)
+def test_networks_that_stop_near_the_middle_are_helped(
+    beside: float,
+    network: float,
+    out: float,
+    task: ReachTask,
+    actor: Actor,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    given = np.array([network, 0.0, 0.0, 1.0], np.float32)
+    monkeypatch.setattr(actor, "infer", lambda *_: given.copy())
+    action = actor.act(held_over(task, beside, 0.0, 0.03), ON)
+    assert action[:2].tolist() == pytest.approx([out, 0.0], abs=0.01)
+
+
 def test_the_empty_hand_comes_down_over_the_middle(task: ReachTask, actor: Actor) -> None:
     red, blue = Block(RED, 0.4, 0.2, 0.0), Block(BLUE, 0.4, -0.2, 0.0)
     x, y, z, *_ = seen(task, red, blue).hand_pose

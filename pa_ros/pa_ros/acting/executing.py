@@ -37,7 +37,9 @@ MEANT, SURELY = 0.5, 0.75
 SLOWED, JOINTS_SLOWED = (0.6, 1.2), (0.0, 3.0)
 # What is to rest somewhere is brought there from above, as the empty hand is to what it takes.
 FROM_ABOVE_M = 0.03  # over the highest object nearby, until the middle is reached
-OVER_M = 0.06  # beside the middle: networks may stop from here on, so the hand goes there by rule
+# Beside the middle: networks may stop before it. So from the first on the hand goes there by rule,
+# and from the second on where networks would go there more slowly.
+OVER_M, BESIDE_M = 0.06, 0.12
 CENTERED_M = 0.006  # beside the middle: from here on it comes down
 STILL = 0.1  # rad/s: it lets go when no joint is faster
 LOWERING, LEAVING = 0.2, 0.3  # of full speed: coming down, and rising after it has let go
@@ -164,9 +166,11 @@ class Actor(Policy):
         beside = hypot(*way)
         if above < FROM_ABOVE_M / 2 and beside > ON_BESIDE_M:  # so low that it would push or drag
             action[:UP] = 0.0
-        elif beside <= OVER_M:
+        else:
             # Half of the way in a step, so that an arm that is a step late does not swing.
-            action[:UP] = way / max(2 * step, beside / LOWERING)
+            there = way / max(2 * step, beside / LOWERING)
+            if beside <= OVER_M or beside <= BESIDE_M and action[:UP] @ way < there @ way:
+                action[:UP] = there
         over = beside <= CENTERED_M
         action[UP] = -LOWERING if over else max(action[UP], min((FROM_ABOVE_M - above) / step, 1.0))
         return over
