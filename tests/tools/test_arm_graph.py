@@ -194,7 +194,9 @@ def ended_with(result: object, accepted: bool = True) -> GoalHandle:
 def test_an_arm_that_is_not_closed_ends_with_its_process(arm: Arm, tmp_path: Path) -> None:
     code = "from pa_ros import Arm; print(Arm().scene().blocks[0])"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert (run.returncode, run.stdout, run.stderr) == (0, "RED CUBE\n", "")
+    assert (run.returncode, run.stdout) == (0, "RED CUBE\n"), run.stderr
+    # On a busy machine it says that it waits, and nothing else.
+    assert all("waits for one" in line for line in run.stderr.splitlines()), run.stderr
 
 
 def test_without_ros_the_error_says_what_to_do(monkeypatch) -> None:
