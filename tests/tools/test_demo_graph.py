@@ -1,7 +1,9 @@
 """The demonstration and films: their programs and scenes, what they leave, and how they end."""
 
 import re
+from contextlib import nullcontext
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from mcap.reader import make_reader
@@ -10,6 +12,7 @@ from PIL import Image, ImageSequence
 
 from helpers.pictures import opengl
 from helpers.processes import processes_of
+from pa_ros.acting.execution import Result
 from pa_ros.agents import load_agent
 from pa_ros.arena import ReachTask, design_named, preset_named, training_programs
 from pa_ros.arena.skills import DemoProgram
@@ -80,6 +83,17 @@ def test_a_shipped_agent_executes_programs_and_is_recorded(name, kinds, tmp_path
         )
         sent = {row.decoded_message.program_id: row.decoded_message.text for row in rows}
     assert list(sent.values()) == [program.text for program in programs]
+
+
+def test_the_table_says_why_a_program_was_not_executed(tmp_path, monkeypatch, capsys) -> None:
+    arm = Mock(execute=lambda text: Result(text, False, 0.5, None, "not within 10 s"))
+    simulated = Mock(simulated=lambda *_, **__: nullcontext(arm))
+    monkeypatch.setattr("pa_ros.cli.demo.Arm", simulated)
+    monkeypatch.setenv("ROS_DOMAIN_ID", "1")
+    assert not execute(tmp_path, TWO_L, "shipped:2-L", 0)
+    table = capsys.readouterr().out
+    assert table.count("0.50 m  NO         not within 10 s\n") == 6
+    assert "0 of 6 programs executed" in table
 
 
 @graph

@@ -161,7 +161,7 @@ def execute(
             arm.reset(scene.episode.index, evaluation=scene.condition == fewer)
             found = arm.execute(program.text)
             executed += [program.kind] if found.success else []
-            after = "" if found.reached_s is None else f"{found.reached_s:.1f} s"
+            after = found.reason if found.reached_s is None else f"{found.reached_s:.1f} s"
             cells = (measured(program.text, away) for away in (scene.distance, found.distance))
             verdict = "yes" if found.success else "NO"
             row = program.kind, program.text, *cells, verdict, after
