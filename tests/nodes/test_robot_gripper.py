@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 from control_msgs.action import GripperCommand
-from rclpy.action import ActionServer
+from rclpy.action import ActionServer, GoalResponse
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
@@ -83,8 +83,18 @@ class Fingers(Node):  # type: ignore[misc]
     def __init__(self) -> None:
         super().__init__("driver_of_fingers")
         self.goals: list[Any] = []
-        self.server = ActionServer(self, GripperCommand, "fingers", self.execute)
+        self.refuses = 0  # so many goals
         self.joints = topics.JOINT_STATES.publisher(self)
+        self.offer()
+
+    def offer(self) -> None:
+        """Take goals."""
+        given = GripperCommand, "fingers", self.execute
+        self.server = ActionServer(self, *given, goal_callback=self.consider)
+
+    def consider(self, _: Any) -> Any:
+        self.refuses -= 1
+        return GoalResponse.ACCEPT if self.refuses < 0 else GoalResponse.REJECT
 
     def close(self) -> None:
         """Nothing runs beside the executor."""
@@ -93,6 +103,17 @@ class Fingers(Node):  # type: ignore[misc]
         self.goals.append((goal.request.command.position, goal.request.command.max_effort))
         goal.succeed()
         return GripperCommand.Result(reached_goal=True)
+
+
+class LateFingers(Fingers):
+    """Their driver starts after robot_node, and refuses twice."""
+
+    offers = False
+
+    def offer(self) -> None:
+        if self.offers:
+            super().offer()
+        self.offers, self.refuses = True, 2
 
 
 class Hand:
@@ -160,3 +181,22 @@ def test_fingers_close_and_open_once_and_a_finger_says_what_they_hold(tmp_path):
         fingers.joints.publish(large)  # is not read: it would keep the node from commanding the arm
         assert probe.until(lambda: int(probe.value("robot_node", "refused.robot.size") or 0) == 2)
         assert hand.holds[-1] == 0.0
+
+
+@pytest.mark.graph
+def test_fingers_are_told_until_they_accept_and_the_arm_holds_while_they_have_no_driver(tmp_path):
+    given = robot(tmp_path, FINGERS)
+    with graph(RobotNode, SIMULATED.ArmDriver, LateFingers, **given) as probe:
+        *_, fingers = probe.nodes
+        fingers.joints.publish(JointState(name=["finger"], position=[0.001]))
+        expected = "gripper: expected a driver with the action fingers, got none"
+        assert probe.until(lambda: expected in probe.message("robot_node"))
+        fingers.offer()
+        Hand(probe)
+        assert probe.until(lambda: fingers.refuses < 0 and fingers.goals == [(0.07, 5.0)])
+        refused = "refused.robot.gripper"
+        assert probe.until(lambda: int(probe.value("robot_node", refused) or 0) >= 2)
+        fingers.server.destroy()
+        assert probe.until(lambda: expected in probe.message("robot_node"))
+        fingers.offer()
+        assert probe.until(lambda: len(fingers.goals) == 2)

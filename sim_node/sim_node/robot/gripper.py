@@ -6,7 +6,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from rclpy.action import ActionClient
+from rclpy.task import Future
 
+from pa_ros.arena import ArenaError
 from pa_ros.ros import topics
 from pa_ros.ros.actions import FINGERS
 from pa_ros.wire.robot import decode_finger, decode_holds, encode_fingers, encode_valve
@@ -18,7 +20,8 @@ if TYPE_CHECKING:
 
 
 class RobotGripper:
-    """Switches a valve with each command, or moves fingers when a command changes."""
+    """Switches a valve with each command, or moves fingers when a command changes, and again until
+    their driver accepts it."""
 
     def __init__(
         self,
@@ -30,8 +33,8 @@ class RobotGripper:
     ) -> None:
         """`listen`: hears the bytes of a topic's messages; `tell`: receives whether the gripper
         holds something, as often as it says so."""
-        self._settings, self._tell = settings, tell
-        self._on: bool | None = None  # as sent last
+        self._settings, self._tell, self._refusals = settings, tell, node.refusals
+        self._on: bool | None = None  # as sent last; None: the driver of the fingers has not got it
         self._valve: Any = None
         self._fingers: Any = None
         if settings.valve:
@@ -44,6 +47,15 @@ class RobotGripper:
         else:
             listen(topics.JOINT_STATES, self._on_joints)
 
+    def check(self) -> None:
+        """Raise ArenaError (`robot.gripper`) while fingers have no driver."""
+        if self._fingers is not None and not self._fingers.server_is_ready():
+            self._on = None
+            raise ArenaError(
+                "gripper: expected a driver with the action "
+                f"{self._settings.fingers}, got none", "robot.gripper",
+            )  # fmt: skip
+
     def switch(self, on: bool) -> None:
         """Take, or let go."""
         settings, changed, self._on = self._settings, on != self._on, on
@@ -51,12 +63,19 @@ class RobotGripper:
             self._valve.publish(encode_valve(on))
         elif self._fingers is not None and changed:
             gap_m = settings.closed_m if on else settings.open_m
-            self._fingers.send_goal_async(encode_fingers(gap_m, settings.max_effort))
+            goal = encode_fingers(gap_m, settings.max_effort)
+            self._fingers.send_goal_async(goal).add_done_callback(self._on_answer)
 
     def lost(self) -> None:
         """Something that the arm needs is lost: keep what is held, unless the file says release."""
         if self._settings.when_lost == "release":
             self.switch(on=False)
+
+    def _on_answer(self, answer: Future) -> None:
+        if not answer.result().accepted:
+            self._on = None
+            error = ArenaError("expected that fingers move, got a refusal", "robot.gripper")
+            self._refusals.refuse(self._settings.fingers, error)
 
     def _on_holds(self, payload: bytes) -> None:
         message = topics.holds(self._settings.holds).parse(payload)

@@ -290,6 +290,8 @@ class RobotNode(ManagedNode):
         was_lost = self._loss is not None
         try:
             self.output.check()
+            if self.gripper is not None:
+                self.gripper.check()
             seen = self.arm.observe(time.monotonic(), self._stamp_ns)
             self._step, self._loss = replace(seen, executed=executed), None
         except PaError as error:
