@@ -147,8 +147,9 @@ class Actor(Policy):
             action[UP], action[-1] = LEAVING, -1.0
             return action
         action = self.infer(observation, forms.plain if taken else forms.taking, others)
-        way, above = _way(observation, seen[:, :3], moved, under if taken else None)
-        over = self._comes_from_above(action, way, above)
+        over = self._comes_from_above(
+            action, *_way(observation, seen[:, :3], moved, under if taken else None)
+        )
         if taken:
             action[-1] = 1.0
         if taken and over and rests - HELD_LIMITS <= REWARDED:  # first stop, then let go
@@ -156,10 +157,12 @@ class Actor(Policy):
             action[:-1], action[-1] = 0.0, 1.0 if moves else -1.0
         return action
 
-    def _comes_from_above(self, action: Float32, way: Float64, above: float) -> bool:
+    def _comes_from_above(
+        self, action: Float32, way: Float64, above: float, above_all: float
+    ) -> bool:
         """Change an action so that it goes a `way` (m, [2], along the first axes of actions) to the
         middle of something and then down, `above` (m) what is near; whether it is over the
-        middle."""
+        middle. `above_all`: also above the end of the way, if it carries something there."""
         controller = self._world.controller
         assert controller is not None
         step = controller.hand_speed * controller.period_s  # m, at full speed
@@ -172,7 +175,8 @@ class Actor(Policy):
             if beside <= OVER_M or beside <= BESIDE_M and action[:UP] @ way < there @ way:
                 action[:UP] = there
         over = beside <= CENTERED_M
-        action[UP] = -LOWERING if over else max(action[UP], min((FROM_ABOVE_M - above) / step, 1.0))
+        rising = min((FROM_ABOVE_M - above_all) / step, 1.0)
+        action[UP] = -LOWERING if over else max(action[UP], rising)
         return over
 
     def _explores_taking(self, observation: Observation, program: Program) -> bool:
@@ -304,20 +308,24 @@ class Actor(Policy):
 
 def _way(
     observation: Observation, seen: Float64, moved: int, under: int | None
-) -> tuple[Float64, float]:
+) -> tuple[Float64, float, float]:
     """How far the hand has to go sideways to be over an object that it is to take, or with it over
-    what is to be `under` it, m [2], along the axes of an action. And how far above the highest
-    object near it this is, m; infinite if none is near. `seen` [N, 3] are places, m."""
+    what is to be `under` it, m [2], along the axes of an action. How far above the highest object
+    near it this is, m; infinite if none is near. And how far above those and what is to be under
+    it, m, also if that is not near. `seen` [N, 3] are places, m."""
     hand = observation.hand_pose
     at, to = (hand[:3] - GRIP_M * UPWARD, seen[moved]) if under is None else seen[[moved, under]]
     x, y = (to - at)[:UP]
     c, s = hand[:UP] / max(hypot(*hand[:UP]), BLOCK_M)  # the hand's direction from the base
     near = np.hypot(*(seen - at)[:, :UP].T) < NEAR_M
     near[observation.hand_index] = False
+    above = at[UP] - seen[:, UP]
     if under is not None:
         near[moved] = False
-    highest = seen[near, UP].max(initial=-np.inf) + BLOCK_M * (under is not None)
-    return np.array([c * x + s * y, c * y - s * x]), float(at[UP] - highest)
+        above -= BLOCK_M
+    nearest = float(above[near].min(initial=np.inf))
+    all_above = nearest if under is None else min(nearest, float(above[under]))
+    return np.array([c * x + s * y, c * y - s * x]), nearest, all_above
 
 
 def _touches_another(observation: Observation, away: Float64, chosen: int) -> bool:
