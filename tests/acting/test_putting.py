@@ -147,6 +147,16 @@ def test_networks_that_stop_near_the_middle_are_helped(
     assert action[:2].tolist() == pytest.approx([out, 0.0], abs=0.01)
 
 
+@pytest.mark.parametrize(("above", "up"), [(-BLOCK_M, 1.0), (0.02, 0.2), (0.05, 0.0)])
+def test_a_block_rises_over_what_is_still_far_away(
+    above: float, up: float, task: ReachTask, actor: Actor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = np.array([-0.5, 0.1, 0.0, 1.0], np.float32)
+    monkeypatch.setattr(actor, "infer", lambda *_: given.copy())
+    action = actor.act(held_over(task, 0.3, 0.0, above), ON)
+    assert action.tolist() == pytest.approx([-0.5, 0.1, up, 1.0], abs=0.01)
+
+
 def test_the_empty_hand_comes_down_over_the_middle(task: ReachTask, actor: Actor) -> None:
     red, blue = Block(RED, 0.4, 0.2, 0.0), Block(BLUE, 0.4, -0.2, 0.0)
     x, y, z, *_ = seen(task, red, blue).hand_pose
