@@ -216,7 +216,7 @@ def seeds() -> str:
 
 def _of_seeds(label: str) -> list[str]:
     own = seeds_of(label)
-    held_out = any(s.final_held_out != s.final_train for s in own)  # or nothing is held out
+    held_out = design_named(json.loads((RESULTS / f"{label}.json").read_text())["design"]).held_out
     return [
         solved_of(own),
         span([s.frames for s in own], ",.0f"),
