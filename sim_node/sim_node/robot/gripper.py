@@ -34,7 +34,7 @@ class RobotGripper:
         """`listen`: hears the bytes of a topic's messages; `tell`: receives whether the gripper
         holds something, as often as it says so."""
         self._settings, self._tell, self._refusals = settings, tell, node.refusals
-        self._on: bool | None = None  # as sent last; None: the driver of the fingers has not got it
+        self._on: bool | None = None  # what fingers were told last; None: their driver has no order
         self._valve: Any = None
         self._fingers: Any = None
         if settings.valve:
@@ -51,17 +51,16 @@ class RobotGripper:
         """Raise ArenaError (`robot.gripper`) while fingers have no driver."""
         if self._fingers is not None and not self._fingers.server_is_ready():
             self._on = None
-            raise ArenaError(
-                "gripper: expected a driver with the action "
-                f"{self._settings.fingers}, got none", "robot.gripper",
-            )  # fmt: skip
+            expected = f"gripper: expected a driver with the action {self._settings.fingers}"
+            raise ArenaError(f"{expected}, got none", "robot.gripper")
 
     def switch(self, on: bool) -> None:
         """Take, or let go."""
-        settings, changed, self._on = self._settings, on != self._on, on
+        settings = self._settings
         if self._valve is not None:
             self._valve.publish(encode_valve(on))
-        elif self._fingers is not None and changed:
+        elif self._fingers is not None and on != self._on and self._fingers.server_is_ready():
+            self._on = on
             gap_m = settings.closed_m if on else settings.open_m
             goal = encode_fingers(gap_m, settings.max_effort)
             self._fingers.send_goal_async(goal).add_done_callback(self._on_answer)
@@ -74,8 +73,8 @@ class RobotGripper:
     def _on_answer(self, answer: Future) -> None:
         if not answer.result().accepted:
             self._on = None
-            error = ArenaError("expected that fingers move, got a refusal", "robot.gripper")
-            self._refusals.refuse(self._settings.fingers, error)
+            why = "expected that the driver takes the goal, got a refusal"
+            self._refusals.refuse(self._settings.fingers, ArenaError(why, "robot.gripper"))
 
     def _on_holds(self, payload: bytes) -> None:
         message = topics.holds(self._settings.holds).parse(payload)
