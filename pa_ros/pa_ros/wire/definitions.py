@@ -43,6 +43,7 @@ def register(store: Typestore, type_name: str) -> None:
         raise WireError(type_name, expected, "none", code="wire.unknown_type")
 
 
+@lru_cache(maxsize=128)
 def hash_of(type_name: str, definition: str) -> str:
     """The type hash of a definition's text; empty if it cannot be parsed."""
     store = get_typestore(Stores.EMPTY)
