@@ -130,10 +130,11 @@ def test_a_block_goes_to_the_middle_from_where_networks_may_stop(
         (0.11, -0.15, -0.2),
         (0.11, -0.9, -0.9),
         (0.11, 0.5, -0.2),
-        (0.13, 0.0, 0.0),
+        (0.3, 0.1, -0.2),
+        (0.3, -0.3, -0.3),
     ],
 )
-def test_networks_that_stop_near_the_middle_are_helped(
+def test_networks_that_stop_away_from_the_middle_are_helped(
     beside: float,
     network: float,
     out: float,
@@ -145,6 +146,19 @@ def test_networks_that_stop_near_the_middle_are_helped(
     monkeypatch.setattr(actor, "infer", lambda *_: given.copy())
     action = actor.act(held_over(task, beside, 0.0, 0.03), ON)
     assert action[:2].tolist() == pytest.approx([out, 0.0], abs=0.01)
+
+
+@pytest.mark.parametrize(("turn", "left"), [(2.5, 0.2), (-2.5, -0.2)])
+def test_where_networks_stop_the_block_goes_around_the_base(
+    turn: float, left: float, task: ReachTask, actor: Actor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(actor, "infer", lambda *_: np.array([0.0, 0.0, 0.0, 1.0], np.float32))
+    red, blue = Block(RED, 0.4, 0.2, 0.0), Block(BLUE, -0.4, -0.2, 0.0)
+    x, y, *_ = seen(task, red, blue).hand_pose
+    c, s = np.cos(turn), np.sin(turn)
+    far = Block(BLUE, c * x - s * y, s * x + c * y, 0.0)
+    action = actor.act(seen(task, red, far, held=0), ON)
+    assert action[:2].tolist() == pytest.approx([0.0, left], abs=0.01)
 
 
 @pytest.mark.parametrize(("above", "up"), [(-BLOCK_M, 1.0), (0.02, 0.2), (0.05, 0.0)])

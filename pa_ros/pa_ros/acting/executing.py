@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from itertools import chain
-from math import dist, hypot
+from math import atan2, dist, hypot
 from typing import NamedTuple
 
 import numpy as np
@@ -37,9 +37,9 @@ MEANT, SURELY = 0.5, 0.75
 SLOWED, JOINTS_SLOWED = (0.6, 1.2), (0.0, 3.0)
 # What is to rest somewhere is brought there from above, as the empty hand is to what it takes.
 FROM_ABOVE_M = 0.03  # over the highest object nearby, until the middle is reached
-# Beside the middle: networks may stop before it. So from the first on the hand goes there by rule,
-# and from the second on where networks would go there more slowly.
-OVER_M, BESIDE_M = 0.06, 0.12
+# Beside the middle: networks may stop before it, or away from it. So from here on the hand goes
+# there by rule, and farther away where networks would go there more slowly.
+OVER_M = 0.06
 CENTERED_M = 0.006  # beside the middle: from here on it comes down
 STILL = 0.1  # rad/s: it lets go when no joint is faster
 LOWERING, LEAVING = 0.2, 0.3  # of full speed: coming down, and rising after it has let go
@@ -160,7 +160,7 @@ class Actor(Policy):
     def _comes_from_above(
         self, action: Float32, way: Float64, above: float, above_all: float
     ) -> bool:
-        """Change an action so that it goes a `way` (m, [2], along the first axes of actions) to the
+        """Change an action so that it goes a `way` (m, [2], outward and around the base) to the
         middle of something and then down, `above` (m) what is near; whether it is over the
         middle. `above_all`: also above the end of the way, if it carries something there."""
         controller = self._world.controller
@@ -172,7 +172,7 @@ class Actor(Policy):
         else:
             # Half of the way in a step, so that an arm that is a step late does not swing.
             there = way / max(2 * step, beside / LOWERING)
-            if beside <= OVER_M or beside <= BESIDE_M and action[:UP] @ way < there @ way:
+            if beside <= OVER_M or action[:UP] @ way < there @ way:
                 action[:UP] = there
         over = beside <= CENTERED_M
         rising = min((FROM_ABOVE_M - above_all) / step, 1.0)
@@ -309,14 +309,14 @@ class Actor(Policy):
 def _way(
     observation: Observation, seen: Float64, moved: int, under: int | None
 ) -> tuple[Float64, float, float]:
-    """How far the hand has to go sideways to be over an object that it is to take, or with it over
-    what is to be `under` it, m [2], along the axes of an action. How far above the highest object
+    """How far the hand has to go outward and around the base to be over an object that it is to
+    take, or with it over what is to be `under` it, m [2]. How far above the highest object
     near it this is, m; infinite if none is near. And how far above those and what is to be under
     it, m, also if that is not near. `seen` [N, 3] are places, m."""
     hand = observation.hand_pose
     at, to = (hand[:3] - GRIP_M * UPWARD, seen[moved]) if under is None else seen[[moved, under]]
-    x, y = (to - at)[:UP]
-    c, s = hand[:UP] / max(hypot(*hand[:UP]), BLOCK_M)  # the hand's direction from the base
+    (x, y), (u, v) = at[:UP], to[:UP]
+    turn = atan2(x * v - y * u, x * u + y * v)  # around the base
     near = np.hypot(*(seen - at)[:, :UP].T) < NEAR_M
     near[observation.hand_index] = False
     above = at[UP] - seen[:, UP]
@@ -325,7 +325,8 @@ def _way(
         above -= BLOCK_M
     nearest = float(above[near].min(initial=np.inf))
     all_above = nearest if under is None else min(nearest, float(above[under]))
-    return np.array([c * x + s * y, c * y - s * x]), nearest, all_above
+    way = np.array([hypot(u, v) - hypot(x, y), hypot(*hand[:UP]) * turn])
+    return way, nearest, all_above
 
 
 def _touches_another(observation: Observation, away: Float64, chosen: int) -> bool:
