@@ -131,7 +131,7 @@ STACKING = (  # likewise
     ("a training block on another", 0.97, "stack-2", ("pairs-train",)),
     ("a held-out block on another", 0.95, "stack-2", ("pairs-eval",)),
     ("one property, NOT, OR in either argument, depth 3", 0.9, "stack-2", ONE_PROPERTY),
-    ("2 to 4 blocks on the table", 0.9, "stack-2", BLOCKS),
+    ("2 to 4 blocks on the table (of 3 × 3 kinds: 2 to 6)", 0.9, "stack-2", BLOCKS),
     ("a tower of three, never trained", 0.93, "stack-2", ("tower-3",)),
     ("a tower of four, never trained", 0.75, "stack-2", ("tower-4",)),
     ("a tower taken down, and built in another order", 0.85, "stack-2", ("rebuild-3",)),
@@ -139,7 +139,12 @@ STACKING = (  # likewise
     ("a held-out block in the hand", 0.95, "stack-2", ("hold-eval",)),
     ("reaching, of the script's score", 0.95, "stack-2", ("reach", "reach-eval")),
 )
-STACKING_ARMS = {"stack-2": "fast", "stack-2.hold-slow-arm": "slow", "stack-2.panda": "Panda"}
+STACKING_ARMS = {
+    "stack-2": "fast",
+    "stack-3D": "fast, 3 × 3 kinds",
+    "stack-2.hold-slow-arm": "slow",
+    "stack-2.panda": "Panda",
+}
 ZONES = (  # in words, aim, conditions
     ("any zone", 0.99, ("reach",)),
     ("one zone in the way, trained pairs", 0.0, ("blocked",)),
@@ -440,7 +445,8 @@ def claims(of: Sequence[tuple[str, float, str, Sequence[str]]] = CLAIMS) -> str:
 def stacking_arms() -> str:
     """The claims of STACKING by arm: the median of seeds, and the worst one."""
     ends = {arm: ends_of(label) for label, arm in STACKING_ARMS.items()}
-    head = ["", *(f"{arm}, {len({row.seed for row in rows})} seeds" for arm, rows in ends.items())]
+    counts = {arm: len({row.seed for row in rows}) for arm, rows in ends.items()}
+    head = ["", *(f"{arm}, {n} seed{'s' * (n > 1)}" for arm, n in counts.items())]
 
     def cell(rows: Sequence[EndsRow], conditions: Sequence[str]) -> str:
         measure = "normalized" if "reach" in conditions else "success"
