@@ -148,6 +148,19 @@ def test_networks_that_stop_away_from_the_middle_are_helped(
     assert action[:2].tolist() == pytest.approx([out, 0.0], abs=0.01)
 
 
+@pytest.mark.parametrize(("beside", "out"), [(0.11, 0.2), (0.13, 0.0)])
+def test_the_empty_hand_is_helped_only_near_what_it_takes(
+    beside: float, out: float, task: ReachTask, actor: Actor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(actor, "infer", lambda *_: np.zeros(4, np.float32))
+    red, blue = Block(RED, 0.4, 0.2, 0.0), Block(BLUE, -0.4, -0.2, 0.0)
+    x, y, *_ = seen(task, red, blue).hand_pose
+    r = np.hypot(x, y)
+    red = Block(RED, x + x / r * beside, y + y / r * beside, 0.0)
+    action = actor.act(seen(task, red, blue), ON)
+    assert action[:2].tolist() == pytest.approx([out, 0.0], abs=0.01)
+
+
 @pytest.mark.parametrize(("turn", "left"), [(2.5, 0.2), (-2.5, -0.2)])
 def test_where_networks_stop_the_block_goes_around_the_base(
     turn: float, left: float, task: ReachTask, actor: Actor, monkeypatch: pytest.MonkeyPatch

@@ -37,9 +37,10 @@ MEANT, SURELY = 0.5, 0.75
 SLOWED, JOINTS_SLOWED = (0.6, 1.2), (0.0, 3.0)
 # What is to rest somewhere is brought there from above, as the empty hand is to what it takes.
 FROM_ABOVE_M = 0.03  # over the highest object nearby, until the middle is reached
-# Beside the middle: networks may stop before it, or away from it. So from here on the hand goes
-# there by rule, and farther away where networks would go there more slowly.
-OVER_M = 0.06
+# Beside the middle: networks may stop before it. So from the first on the hand goes there by rule,
+# and from the second on, or from anywhere with something in the hand, where networks would go there
+# more slowly.
+OVER_M, BESIDE_M = 0.06, 0.12
 CENTERED_M = 0.006  # beside the middle: from here on it comes down
 STILL = 0.1  # rad/s: it lets go when no joint is faster
 LOWERING, LEAVING = 0.2, 0.3  # of full speed: coming down, and rising after it has let go
@@ -148,7 +149,7 @@ class Actor(Policy):
             return action
         action = self.infer(observation, forms.plain if taken else forms.taking, others)
         over = self._comes_from_above(
-            action, *_way(observation, seen[:, :3], moved, under if taken else None)
+            action, taken, *_way(observation, seen[:, :3], moved, under if taken else None)
         )
         if taken:
             action[-1] = 1.0
@@ -158,7 +159,7 @@ class Actor(Policy):
         return action
 
     def _comes_from_above(
-        self, action: Float32, way: Float64, above: float, above_all: float
+        self, action: Float32, carries: bool, way: Float64, above: float, above_all: float
     ) -> bool:
         """Change an action so that it goes a `way` (m, [2], outward and around the base) to the
         middle of something and then down, `above` (m) what is near; whether it is over the
@@ -172,7 +173,8 @@ class Actor(Policy):
         else:
             # Half of the way in a step, so that an arm that is a step late does not swing.
             there = way / max(2 * step, beside / LOWERING)
-            if beside <= OVER_M or action[:UP] @ way < there @ way:
+            slower = action[:UP] @ way < there @ way
+            if beside <= OVER_M or slower and (carries or beside <= BESIDE_M):
                 action[:UP] = there
         over = beside <= CENTERED_M
         rising = min((FROM_ABOVE_M - above_all) / step, 1.0)
