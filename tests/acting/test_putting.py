@@ -148,6 +148,23 @@ def test_networks_that_stop_away_from_the_middle_are_helped(
     assert action[:2].tolist() == pytest.approx([out, 0.0], abs=0.01)
 
 
+def test_another_block_in_the_hand_is_put_down_first(task: ReachTask, actor: Actor) -> None:
+    """As after a new program that comes while the hand carries something."""
+    program = parse("ON(AND(BLUE, CUBE), AND(RED, CUBE))", STACK.vocabulary)
+    blocks = Block(RED, 0.4, 0.2, 0.0), Block(BLUE, -0.4, -0.2, 0.0)
+    policy = policy_of(actor, task.world, task.config)
+    observation, verdict = task.reset_to(Episode(0, "train", blocks, START, program, held=0))
+    assert actor.act(observation, program).tolist() == pytest.approx([0.0, 0.0, -0.2, 1.0])
+    released = []
+    while not verdict.truncated:
+        before = observation
+        observation, verdict = task.step(policy(before, program))
+        if before.hand_pose[-1] > observation.hand_pose[-1]:
+            released.append(before.hand_pose[2] - before.objects[1, 2])  # the hand points down
+    assert verdict.satisfied
+    assert released[0] == pytest.approx(BLOCK_M / 2, abs=0.012)  # RED, on the table
+
+
 @pytest.mark.parametrize(("beside", "out"), [(0.11, 0.2), (0.13, 0.0)])
 def test_the_empty_hand_is_helped_only_near_what_it_takes(
     beside: float, out: float, task: ReachTask, actor: Actor, monkeypatch: pytest.MonkeyPatch

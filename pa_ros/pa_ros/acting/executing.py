@@ -25,7 +25,15 @@ from pa_ros.networks.errors import NetworkError
 from pa_ros.networks.inference import AVOIDED, MOVED, RELEVANT, TARGET
 from pa_ros.world.comparisons import choose
 from pa_ros.world.poses import POSE_WIDTH, in_base
-from pa_ros.world.relation import BLOCK_M, GRIP_M, HELD_LIMITS, NOT_HELD_M, ON_BESIDE_M, RELATIONS
+from pa_ros.world.relation import (
+    BLOCK_M,
+    GRIP_M,
+    HELD_LIMITS,
+    NOT_HELD_M,
+    ON_BESIDE_M,
+    ON_HEIGHT_M,
+    RELATIONS,
+)
 from pa_ros.world.scoring import REWARDED, Score, Scoring
 
 # A program means every object whose degree is at least this share of the greatest degree; to choose
@@ -147,6 +155,8 @@ class Actor(Policy):
             action = np.zeros(self._world.actions, np.float32)
             action[UP], action[-1] = LEAVING, -1.0
             return action
+        if observation.hand_pose[-1] > 0 and not taken:  # it holds another object
+            return self._put_down(observation, seen[:, :3], away)
         action = self.infer(observation, forms.plain if taken else forms.taking, others)
         over = self._comes_from_above(
             action, taken, *_way(observation, seen[:, :3], moved, under if taken else None)
@@ -156,6 +166,22 @@ class Actor(Policy):
         if taken and over and rests - HELD_LIMITS <= REWARDED:  # first stop, then let go
             moves = float(np.abs(observation.joint_velocity).max()) > STILL
             action[:-1], action[-1] = 0.0, 1.0 if moves else -1.0
+        return action
+
+    def _put_down(self, observation: Observation, seen: Float64, away: Float64) -> Float32:
+        """The action that puts what the hand holds down where it is, on the table or on what is
+        below, and lets it go. `away` [N] is how far each object is from being held, m."""
+        away = away.copy()
+        away[observation.hand_index] = np.inf
+        held = int(away.argmin())
+        below = np.hypot(*(seen - seen[held])[:, :UP].T) < BLOCK_M
+        below[[held, observation.hand_index]] = False
+        top = float(seen[below, UP].max(initial=-BLOCK_M / 2))  # middle of what it comes to rest on
+        action = np.zeros(self._world.actions, np.float32)
+        if seen[held, UP] - top > BLOCK_M + ON_HEIGHT_M:
+            action[UP], action[-1] = -LOWERING, 1.0
+        else:
+            action[-1] = -1.0
         return action
 
     def _comes_from_above(
