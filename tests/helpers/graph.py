@@ -83,6 +83,17 @@ class Probe(Node):
         """Spin all nodes of the graph until the condition is true; whether it became so in time."""
         return spin_until(self, condition, timeout_s, *self.nodes)
 
+    def sees(self, condition: Callable[[], bool], send: Callable[[], None]) -> bool:
+        """Send again and again until the condition is true; whether it became so in time.
+
+        Nodes report a message only for seconds: on a busy machine that may be too short to see.
+        """
+        timer = self.create_timer(0.5, send)
+        try:
+            return self.until(condition)
+        finally:
+            self.destroy_timer(timer)
+
     def count(self, topic: topics.Topic) -> int:
         return len(self.heard[topic.name])
 

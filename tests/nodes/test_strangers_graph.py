@@ -123,11 +123,14 @@ def nobodys_weights(probe: Probe) -> Any:
     ids=["arena", "learner"],
 )
 def test_forged_latched_messages_are_reported_and_learning_continues(probe, strangers) -> None:
-    messages = [make(probe) for _, make, _ in strangers]
-    for (topic, _, _), message in zip(strangers, messages, strict=True):
-        probe.speaker(topic).publish(message)
+    sent = [(probe.speaker(topic), make(probe)) for topic, make, _ in strangers]
     said = [text for _, _, text in strangers]
-    assert probe.until(lambda: all(text in probe.message("agent_node") for text in said))
+
+    def send() -> None:
+        for speaker, message in sent:
+            speaker.publish(message)
+
+    assert probe.sees(lambda: all(text in probe.message("agent_node") for text in said), send)
     assert probe.health["/agent_node"].level == ERROR
     assert probe.learns()
 

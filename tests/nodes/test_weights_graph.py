@@ -91,8 +91,9 @@ def test_a_described_learner_replaces_one_that_sends_only_weights(probe: Probe) 
     speaker = probe.speaker(topics.POLICY_WEIGHTS)
     speaker.publish(encode_weights(weights))
     assert probe.until(lambda: probe.last(topics.JOINT_COMMANDS).policy_version == 1)
-    speaker.publish(encode_weights(learners.published(7)))
-    assert probe.until(lambda: "learner never described itself" in probe.message("agent_node"))
+    undescribed = encode_weights(learners.published(7))
+    said = lambda: "learner never described itself" in probe.message("agent_node")  # noqa: E731
+    assert probe.sees(said, lambda: speaker.publish(undescribed))
     assert probe.last(topics.JOINT_COMMANDS).policy_version == 1
     newer = replace(weights, snapshot=learners.snapshot(2, network))
     speaker.publish(encode_weights(newer))
