@@ -26,6 +26,7 @@ BENCHMARKS = {
     "graph": "control steps per second of an arena and an agent as two processes",
     "latency": "time from a program, and from an observation, to the command",
     "learner": "updates per second, beside other implementations and a lower bound",
+    "networks_alone": "how often networks execute programs without the rules of executing",
     "on_the_arm": "learning on a robot of robot_node, without resets: minutes and scatters",
     "peers": "agents of other libraries on the same task",
     "rehearsal": "how often programs are executed in the arena and on a robot of robot_node",

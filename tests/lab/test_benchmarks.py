@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from laboratory.__main__ import BENCHMARKS, main
-from laboratory.benchmarks import arena, baselines, peers
+from laboratory.benchmarks import arena, baselines, networks_alone, peers
 from laboratory.benchmarks.camera import Uses
 from laboratory.benchmarks.latency import Latencies
 from laboratory.benchmarks.peers import OURS, PeerScore, run_contender
@@ -123,3 +123,11 @@ def test_every_baseline_learns_from_relabeled_batches_and_is_scored(method, tmp_
     assert found[f"baselines.2-L.{method}.200.2.train.seeds"] == 1
     assert len(read_rows(tmp_path / "table.csv", baselines.BaselineScore)) == len(stated)
     assert baselines.run(options) == found  # not trained again
+
+
+def test_networks_alone_take_blocks_but_seldom_build_towers(capsys) -> None:
+    asked = Namespace(agents=["shipped:stack"], condition=["hold", "tower-3"], episodes=4)
+    report = networks_alone.run(asked)
+    assert report["shipped:stack.hold.success"] == report["shipped:stack.hold.ever"] == 1
+    assert report["shipped:stack.tower-3.success"] <= 0.5  # with the rules, 1
+    assert "shipped:stack, hold: 1.00, ever 1.00" in capsys.readouterr().out
