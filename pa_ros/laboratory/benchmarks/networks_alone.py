@@ -8,7 +8,6 @@ import argparse
 from pa_ros.acting.policy import Policy
 from pa_ros.agents import TrainedAgent, load_agent
 from pa_ros.core.experience import Float32, Observation
-from pa_ros.core.text import Report
 from pa_ros.evaluation.evaluate import EPISODES_SEED, policy_of, pursuing, run_episodes
 from pa_ros.language import Program
 from pa_ros.perception import task_seen
@@ -29,9 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--episodes", type=int, default=100, help="of each (%(default)s)")
 
 
-def run(options: argparse.Namespace) -> Report:
+def run(options: argparse.Namespace) -> dict[str, float]:
     """Shares of the episodes that succeed, and that succeeded for a moment."""
-    report: Report = {}
+    report: dict[str, float] = {}
     for path in options.agents:
         for condition in options.condition:
             ended, ever = score(load_agent(path), condition, options.episodes)
