@@ -145,6 +145,11 @@ STACKING_ARMS = {
     "stack-2.hold-slow-arm": "slow",
     "stack-2.panda": "Panda",
 }
+NETWORKS_ALONE = (  # in words, condition
+    ("a held-out block on a place", "eval"),
+    ("a held-out block on another", "pairs-eval"),
+    ("a tower of three", "tower-3"),
+)
 ZONES = (  # in words, aim, conditions
     ("any zone", 0.99, ("reach",)),
     ("one zone in the way, trained pairs", 0.0, ("blocked",)),
@@ -459,6 +464,20 @@ def stacking_arms() -> str:
     ))  # fmt: skip
 
 
+def networks_alone() -> str:
+    """Agents without the rules of executing: the median, and the worst one."""
+    found = json.loads((RESULTS / "stack-2-networks-alone.json").read_text())
+
+    def cell(measure: str) -> str:
+        values = [value for key, value in found.items() if key.endswith(f".{measure}")]
+        return f"{median(values):.2f}, {min(values):.2f}"
+
+    return table(("", "At the end", "Ever"), (
+        (words, cell(f"{condition}.success"), cell(f"{condition}.ever"))
+        for words, condition in NETWORKS_ALONE
+    ))  # fmt: skip
+
+
 def zones() -> str:
     """Shares of episodes in which formulas hold, by the number of zones."""
     found, rows, head = {}, [], ["", "Aim"]
@@ -488,7 +507,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "relations": relations, "views": views,
     "detectors": detectors, "equalities": equalities,
     "variants": variants, "peers": peers, "baselines": baselines, "claims": claims,
-    "stacking": partial(claims, STACKING), "stacking_arms": stacking_arms, "zones": zones,
+    "stacking": partial(claims, STACKING), "stacking_arms": stacking_arms,
+    "networks_alone": networks_alone, "zones": zones,
 }  # fmt: skip
 
 

@@ -1,5 +1,5 @@
-"""How often the networks alone execute programs: what is learned, without the rules of executing
-(docs/language.md), which `pa_ros eval` has. Goals over time are pursued as there."""
+"""What networks have learned: how often they execute programs without the rules of executing
+(docs/language.md), which agents of `pa_ros eval` follow. The episodes are the same."""
 
 from __future__ import annotations
 
@@ -29,18 +29,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, float]:
-    """Shares of the episodes that succeed, and that succeeded for a moment."""
+    """Shares of the episodes that succeed at the end, and ever, by agent and condition."""
     report: dict[str, float] = {}
     for path in options.agents:
+        agent = load_agent(path)
         for condition in options.condition:
-            ended, ever = score(load_agent(path), condition, options.episodes)
+            ended, ever = score(agent, condition, options.episodes)
             print(f"{path}, {condition}: {ended:.2f}, ever {ever:.2f}", flush=True)
             report |= {f"{path}.{condition}.success": ended, f"{path}.{condition}.ever": ever}
     return report
 
 
 def score(agent: TrainedAgent, condition: str, episodes: int) -> tuple[float, float]:
-    """The share of the episodes of `pa_ros eval` that succeed at the end, and ever."""
+    """The share of the episodes that succeed at the end, and the share that ever do."""
     networks = NetworksAlone.of(agent.snapshot)
     policy = policy_of(networks, networks.network.world, agent.arena)
     task = task_seen(agent.arena, agent.design, EPISODES_SEED, agent.perception)
